@@ -1,0 +1,59 @@
+"""`amoeboid`: finds the command, turns user mistakes into one message and exit code 2."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from amoeboid.validation import InvalidInput
+
+# A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
+# its heavy imports belong into execute, so that --help stays quick.
+COMMANDS = {
+    "run": "a 3D simulation; with no argument, figure 3D of the paper",
+}
+
+USER_MISTAKE = 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code."""
+    args = _parser().parse_args(argv)
+    try:
+        return int(args.execute(args))
+    except (InvalidInput, FileNotFoundError, PermissionError, IsADirectoryError) as error:
+        print(f"amoeboid {args.command}: {error}", file=sys.stderr)
+        return USER_MISTAKE
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="amoeboid",
+        description="Cells that polarize and migrate by actin polymerization, without myosin.",
+    )
+    parser.add_argument("--version", action=_Version)
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name, summary in COMMANDS.items():
+        module = import_module(f"amoeboid.cli.{name.replace('-', '_')}")
+        command = commands.add_parser(
+            name,
+            help=summary,
+            description=f"{summary[0].upper()}{summary[1:]}.",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        module.add_arguments(command)
+        command.set_defaults(execute=module.execute)
+    return parser
+
+
+class _Version(argparse.Action):
+    def __init__(self, option_strings: list[str], dest: str) -> None:
+        super().__init__(option_strings, dest, nargs=0, help="print the version and exit")
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        print(f"amoeboid {version('amoeboid')}")
+        parser.exit()

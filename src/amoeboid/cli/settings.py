@@ -1,0 +1,57 @@
+"""The options that every command shares: `--set` and `--json`."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import fields
+from typing import Any
+
+from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
+from amoeboid.parameters import Parameters
+from amoeboid.validation import rule
+
+
+def add_settings(parser: argparse.ArgumentParser) -> None:
+    """Add `--set name=value` (repeatable) and `--json`."""
+    parser.add_argument(
+        "--set",
+        dest="settings",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+c/c_r)') or any other field "
+        "of the configuration (time.end=50); repeatable",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
+    )
+
+
+def parameters_of(args: argparse.Namespace) -> Parameters:
+    """The parameters that `--set` gives, starting from the paper's parameter table."""
+    return with_settings(Config(parameters=Parameters()), args.settings).parameters
+
+
+def print_json(result: dict[str, Any]) -> None:
+    """Print one JSON object; NaN or infinity in it is an internal error."""
+    print(json.dumps(result, allow_nan=False))
+
+
+def field_table() -> str:
+    """All fields of the configuration with defaults, ranges and meanings, for help texts."""
+    rows = []
+    default = Config()
+    for section in (Parameters, Mesh, Initial, Time, Output):
+        name = section.__name__.lower()
+        prefix = "" if section is Parameters else f"{name}."
+        for f in fields(section):
+            if "kind" in f.metadata:
+                value = getattr(getattr(default, name), f.name)
+                rows.append(f"  {prefix + f.name:24}{value!s:18}{f.metadata['doc']} ({rule(f)})")
+        if section is Parameters:
+            rows.append(
+                f"  {'law':24}{'exponential':18}polymerization law: exponential, inverse, "
+                "or an expression in c"
+            )
+    return "\n".join(rows)

@@ -1,0 +1,162 @@
+"""The configuration of a run: every field that CONFIG.toml and `--set` can change."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
+from difflib import get_close_matches
+from typing import Any
+
+import tomli_w
+
+from amoeboid.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.validation import InvalidInput, choice, flag, integer, number, validate, vector
+
+SCHEMES = ("semi-implicit",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mesh:
+    """Section [mesh]."""
+
+    subdivisions: int = integer(
+        3, "icosahedron subdivisions: 10 * 4**n + 2 nodes, 3 gives 642", ge=1, le=6
+    )
+
+    def __post_init__(self) -> None:
+        validate(self, "mesh")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Initial:
+    """Section [initial]: c = c0 + perturbation * (r - r_cm).direction / R0 + noise."""
+
+    perturbation: float = number(3.0, "amplitude of the initial polarization", "N/L^2")
+    direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "its axis, towards the rear")
+    noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
+    seed: int = integer(0, "seed of that noise", ge=0)
+
+    def __post_init__(self) -> None:
+        validate(self, "initial")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Time:
+    """Section [time]."""
+
+    end: float = number(200.0, "simulated time at which the run ends", "T", gt=0)
+    scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
+    tolerance: float = number(1e-2, "error allowed in one step, relative to c0 and R0", gt=0)
+    max_step: float = number(0.5, "longest time step", "T", gt=0)
+    stop_when_steady: bool = flag(True, "end the run once nothing changes any more")
+
+    def __post_init__(self) -> None:
+        validate(self, "time")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """Section [output]."""
+
+    interval: float = number(0.5, "simulated time between two frames", "T", gt=0)
+
+    def __post_init__(self) -> None:
+        validate(self, "output")
+
+
+def figure_3d() -> Parameters:
+    """The parameter point of figure 3D of the paper, the default run."""
+    return Parameters(D=0.4, v_p0=6.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Everything that determines a run; the defaults are figure 3D of the paper."""
+
+    parameters: Parameters = field(default_factory=figure_3d)
+    mesh: Mesh = field(default_factory=Mesh)
+    initial: Initial = field(default_factory=Initial)
+    time: Time = field(default_factory=Time)
+    output: Output = field(default_factory=Output)
+
+
+SECTIONS: dict[str, tuple[str, ...]] = {
+    "parameters": PARAMETER_NAMES,
+    **{
+        section.__name__.lower(): tuple(f.name for f in fields(section))
+        for section in (Mesh, Initial, Time, Output)
+    },
+}
+
+
+def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
+    """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
+    sections = {}
+    for section, values in changes.items():
+        _refuse_unknown(section, SECTIONS, "section")
+        if not isinstance(values, Mapping):
+            raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
+        for name in values:
+            _refuse_unknown(name, SECTIONS[section], f"field of [{section}]")
+        sections[section] = replace(getattr(base, section), **values)
+    return replace(base, **sections)
+
+
+def with_settings(base: Config, settings: Iterable[str]) -> Config:
+    """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
+
+    Values are written as in TOML; a bare word is a string. Raises InvalidInput.
+    """
+    changes: dict[str, dict[str, Any]] = {}
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        path = path.strip()
+        if not equals or not path or not text.strip():
+            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
+        section, dot, name = path.partition(".")
+        if not dot:
+            section, name = "parameters", path
+            if name not in PARAMETER_NAMES:
+                _refuse_unknown(name, (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
+        value = text.strip() if name == "law" else _value(text.strip())
+        changes.setdefault(section, {})[name] = value
+    return configured(base, changes)
+
+
+def _value(text: str) -> Any:
+    try:
+        document = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return document["value"] if document.keys() == {"value"} else text
+
+
+def _dotted_names() -> list[str]:
+    return [f"{s}.{n}" for s, names in SECTIONS.items() if s != "parameters" for n in names]
+
+
+def _refuse_unknown(name: str, known: Iterable[str], noun: str) -> None:
+    known = list(known)
+    if name not in known:
+        close = get_close_matches(name, known, n=1)
+        hint = f"; did you mean {close[0]}?" if close else ""
+        raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
+
+
+def config_to_toml(config: Config) -> str:
+    """The configuration as TOML text; `config_from_toml` reads it back equal."""
+    document: dict[str, Any] = {"parameters": config.parameters.as_dict()}
+    for section in SECTIONS:
+        if section != "parameters":
+            document[section] = asdict(getattr(config, section))
+    return tomli_w.dumps(document)
+
+
+def config_from_toml(text: str) -> Config:
+    """A configuration from TOML text; what it leaves out keeps the default run's value."""
+    try:
+        document = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(f"the configuration must be valid TOML: {error}") from None
+    return configured(Config(), document)

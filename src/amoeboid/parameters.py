@@ -1,0 +1,94 @@
+"""The model's parameters, with the paper's symbols and the defaults of its parameter table."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from difflib import get_close_matches
+from typing import Any
+
+import tomli_w
+from numpy.typing import ArrayLike
+
+from amoeboid.polymerization import Array, Exponential, Law
+from amoeboid.polymerization import law as law_from
+from amoeboid.validation import InvalidInput, number, validate
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """One parameter point; any consistent units, defaults in the paper's simulation units.
+
+    Dimensions: L length, T time, M mass, N number of filaments. Raises InvalidInput for a value
+    outside its range, a wrong type, NaN or infinity.
+    """
+
+    R0: float = number(1.0, "radius of the undeformed cell", "L", gt=0)
+    delta_P: float = number(300.0, "pressure inside minus outside", "M/(L T^2)", ge=0)
+    eta_s: float = number(1.0, "surface shear viscosity of the cortex", "M/T", gt=0)
+    eta_b: float = number(1.0, "surface bulk viscosity of the cortex", "M/T", ge=0)
+    c0: float = number(3.0, "homeostatic filament concentration", "N/L^2", ge=0)
+    c_r: float = number(1.0, "reference filament concentration", "N/L^2", gt=0)
+    beta: float = number(1.0, "filament turnover rate", "1/T", ge=0)
+    D: float = number(0.03, "filament diffusion coefficient", "L^2/T", ge=0)
+    v_p0: float = number(3.8, "polymerization speed scale", "L/T", ge=0)
+    alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
+    law: Law = field(default_factory=Exponential)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "law", law_from(self.law))
+        validate(self)
+
+    def v_p(self, c: ArrayLike) -> Array:
+        """Polymerization speed at concentration c [L/T]; main text `vp`."""
+        return self.law.value(c, self.v_p0, self.c_r)
+
+    def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
+        """(v_p, v_p', v_p'', ...) at c, to `order`."""
+        return self.law.derivatives(c, self.v_p0, self.c_r, order)
+
+    def replace(self, **changes: Any) -> Parameters:
+        """A copy with some parameters changed; unknown names are refused."""
+        _refuse_unknown(changes)
+        return replace(self, **changes)
+
+    def as_dict(self) -> dict[str, float | str]:
+        """Plain numbers and the law's name, in the order of the fields."""
+        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        return values | {"law": self.law.name}
+
+
+PARAMETER_NAMES = tuple(f.name for f in fields(Parameters))
+
+
+def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
+    """Parameters from names and values; those not named keep the paper's table values.
+
+    Raises InvalidInput for an unknown name or a value that is refused.
+    """
+    _refuse_unknown(mapping)
+    return Parameters(**mapping)
+
+
+def parameters_to_toml(p: Parameters) -> str:
+    """The parameters as TOML text; `parameters_from_toml` reads them back equal."""
+    return tomli_w.dumps(p.as_dict())
+
+
+def parameters_from_toml(text: str) -> Parameters:
+    """Parameters from TOML text. Raises InvalidInput if it is not valid TOML."""
+    try:
+        return parameters_from(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidInput(f"the parameters must be valid TOML: {error}") from None
+
+
+def _refuse_unknown(mapping: Mapping[str, Any]) -> None:
+    for name in mapping:
+        if name not in PARAMETER_NAMES:
+            close = get_close_matches(name, PARAMETER_NAMES, n=1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise InvalidInput(
+                f"{name!r} is no parameter; the parameters are {', '.join(PARAMETER_NAMES)}{hint}"
+            )

@@ -1,0 +1,135 @@
+"""Declared fields of frozen dataclasses: type, range and meaning in one place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import Field, field, fields
+from numbers import Integral, Real
+from typing import Any
+
+
+class InvalidInput(ValueError):
+    """What the user gave breaks a rule; the message names the rule, the value and the remedy."""
+
+
+def number(
+    default: float,
+    doc: str,
+    unit: str = "1",
+    *,
+    gt: float | None = None,
+    ge: float | None = None,
+    le: float | None = None,
+) -> Any:
+    """A finite real field; `unit` in base dimensions of the model, `gt`/`ge`/`le` its range."""
+    return _declared(float, default, doc, unit, gt, ge, le)
+
+
+def integer(default: int, doc: str, *, ge: int | None = None, le: int | None = None) -> Any:
+    """A whole-number field."""
+    return _declared(int, default, doc, "1", None, ge, le)
+
+
+def flag(default: bool, doc: str) -> Any:
+    """A true/false field."""
+    return _declared(bool, default, doc, "", None, None, None)
+
+
+def choice(default: str, doc: str, options: tuple[str, ...]) -> Any:
+    """A field that takes one of a few words."""
+    return field(default=default, metadata={"kind": str, "doc": doc, "options": options})
+
+
+def vector(default: tuple[float, float, float], doc: str) -> Any:
+    """A field of three finite numbers, not all zero."""
+    return field(default=default, metadata={"kind": tuple, "doc": doc})
+
+
+def _declared(
+    kind: type,
+    default: object,
+    doc: str,
+    unit: str,
+    gt: float | None,
+    ge: float | None,
+    le: float | None,
+) -> Any:
+    bounds = {">": gt, ">=": ge, "<=": le}
+    meta = {"kind": kind, "doc": doc, "unit": unit, "bounds": bounds}
+    return field(default=default, metadata=meta)
+
+
+def validate(instance: Any, section: str = "") -> None:
+    """Check and normalise every declared field of a frozen dataclass instance.
+
+    Raises InvalidInput with the field, the rule and the value.
+    """
+    for f in fields(instance):
+        if "kind" in f.metadata:
+            name = f"{section}.{f.name}" if section else f.name
+            checked = _checked(name, getattr(instance, f.name), f)
+            object.__setattr__(instance, f.name, checked)
+
+
+def rule(f: Field[Any]) -> str:
+    """What a declared field accepts, in words."""
+    kind = f.metadata["kind"]
+    if "options" in f.metadata:
+        return "one of " + ", ".join(f.metadata["options"])
+    if kind is bool:
+        return "true or false"
+    if kind is tuple:
+        return "three finite numbers, not all zero"
+    limits = " and ".join(
+        f"{sign} {value:g}" for sign, value in f.metadata["bounds"].items() if value is not None
+    )
+    noun = "a whole number" if kind is int else "a finite number"
+    return f"{noun} {limits}".strip()
+
+
+def _checked(name: str, value: Any, f: Field[Any]) -> Any:
+    kind = f.metadata["kind"]
+    problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}")
+    if "options" in f.metadata:
+        if not isinstance(value, str) or value not in f.metadata["options"]:
+            raise problem
+        return value
+    if kind is bool:
+        if not isinstance(value, bool):
+            raise problem
+        return value
+    if kind is tuple:
+        return _checked_vector(value, problem)
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise problem
+    if kind is int and not isinstance(value, Integral):
+        raise problem
+    try:
+        converted = kind(value)
+    except OverflowError:
+        raise problem from None
+    if not math.isfinite(converted):
+        raise problem
+    bounds = f.metadata["bounds"]
+    if (
+        (bounds[">"] is not None and not converted > bounds[">"])
+        or (bounds[">="] is not None and not converted >= bounds[">="])
+        or (bounds["<="] is not None and not converted <= bounds["<="])
+    ):
+        raise problem
+    return converted
+
+
+def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, float]:
+    try:
+        components = list(value)
+    except TypeError:
+        raise problem from None
+    if len(components) != 3 or any(
+        isinstance(x, bool) or not isinstance(x, Real) or not math.isfinite(x) for x in components
+    ):
+        raise problem
+    x, y, z = (float(v) for v in components)
+    if x == y == z == 0.0:
+        raise problem
+    return x, y, z
