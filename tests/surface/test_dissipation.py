@@ -2,12 +2,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from surface.shapes import lumpy, observed_orders, sphere
 
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.force_balance import rigid_motions
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.operators import block_matrix
+from surface.shapes import lumpy, observed_orders, sphere
 
 ETA_S, ETA_B = 1.3, 0.7
 

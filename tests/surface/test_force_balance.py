@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from surface.shapes import lumpy, observed_orders
 
 from amoeboid.parameters import Parameters
 from amoeboid.surface.dissipation import dissipation_blocks
@@ -10,6 +9,7 @@ from amoeboid.surface.initial import base_tension, sphere
 from amoeboid.surface.model import Model
 from amoeboid.surface.operators import block_matrix, normal_blocks, stiffness
 from amoeboid.surface.stepping import flow_of
+from surface.shapes import lumpy, observed_orders
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_polarized_sphere_moves_its_cortex_as_a_whole():
 
 
 def test_solution_satisfies_the_balance_it_was_asked_for():
-    """The residual of K v_c + zeta0 G - delta_P B - elastic + dt zeta L_n v, built independently."""
+    """K v_c + zeta0 G - delta_P B - elastic + dt zeta L_n v, built independently, vanishes."""
     r, mesh = lumpy()
     p = Parameters(alpha=0.3)
     model = Model(p, mesh)

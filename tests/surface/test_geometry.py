@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-from surface.shapes import lumpy, observed_orders, sphere
 
 from amoeboid.surface.geometry import (
     area,
@@ -12,6 +11,7 @@ from amoeboid.surface.geometry import (
     weighted_area_gradient,
 )
 from amoeboid.surface.operators import block_matrix, normal_blocks, scalar_matrix, stiffness
+from surface.shapes import lumpy, observed_orders, sphere
 
 
 def directional_derivative(f, r, d, step=1e-5):

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from surface.linear_theory import finite_pressure_rates
-from surface.shapes import observed_orders
 
 from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
+from surface.linear_theory import finite_pressure_rates
+from surface.shapes import observed_orders
 
 AMPLITUDE = 1e-4
 STEPS = 100

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from surface.shapes import lumpy, observed_orders, sphere
 
 from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.model import Model
 from amoeboid.surface.operators import advection, scalar_matrix, stiffness
 from amoeboid.surface.transport import filaments, rate_of_change, transported
+from surface.shapes import lumpy, observed_orders, sphere
 
 
 @given(seed=st.integers(0, 10**6), dt=st.floats(1e-4, 10.0))

@@ -6,7 +6,7 @@ import argparse
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
+INTERRUPTION = "interrupted"
 EXIT_CODES = {"finished": FINISHED, "diverged": DIVERGED, "interrupted": INTERRUPTED}
 
 
@@ -134,35 +135,42 @@ def _simulate(model: Model, run: Run, first: Step) -> tuple[Step, str, str]:
 
     last, status, why = first, "finished", ""
     try:
-        with _interruptible(), _progress(run) as report:
-            for step in evolve(model, first, run.config.time):
+        with _interruptible() as interruption, _progress(run) as report:
+            for step in evolve(model, first, run.config.time, [interruption]):
                 last, why = step, step.ended or ""
                 report(run.append(step))
                 if run.frame_due(step):
                     run.save(step)
     except Diverged as error:
         status, why = "diverged", str(error)
-    except KeyboardInterrupt:
+    if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
-    if run.rows[-1]["step"] != last.number:
-        run.append(last)
     if run.frame_times[-1][0] < last.state.t:
         run.save(last)
     return last, status, why
 
 
 @contextmanager
-def _interruptible() -> Iterator[None]:
-    """Let SIGTERM (a cluster's time limit) end the run as Ctrl-C does."""
+def _interruptible() -> Iterator[Callable[[Step], str | None]]:
+    """Let Ctrl-C and SIGTERM (a cluster's time limit) end the run after the present step.
 
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
+    An exception in the middle of compiled code would be lost or leave half a step. A second
+    signal ends the program at once.
+    """
+    received: list[int] = []
 
-    before = signal.signal(signal.SIGTERM, interrupt)
+    def take(number: int, _: object) -> None:
+        if received:
+            raise KeyboardInterrupt
+        received.append(number)
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, take) for number in signals]
     try:
-        yield
+        yield lambda _: INTERRUPTION if received else None
     finally:
-        signal.signal(signal.SIGTERM, before)
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
 
 
 @contextmanager

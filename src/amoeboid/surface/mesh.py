@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,8 +92,9 @@ def _check_closed(faces: Index) -> None:
 def icosphere(subdivisions: int) -> tuple[Array, Index]:
     """Nodes (V, 3) on the unit sphere and faces (F, 3); V = 10 * 4**subdivisions + 2.
 
-    The icosahedron has two nodes on the z axis; every subdivision halves all edges. Nodes are
-    numbered by reverse Cuthill-McKee, so that matrices over them have a narrow band.
+    Every subdivision halves all edges. The middle of an edge of the icosahedron lies on the z axis:
+    the poles of the default polarization are ordinary nodes, not two of the twelve of valence
+    five. Nodes are numbered by reverse Cuthill-McKee: matrices over them have a narrow band.
     """
     nodes, faces = _icosahedron()
     for _ in range(subdivisions):
@@ -101,18 +103,17 @@ def icosphere(subdivisions: int) -> tuple[Array, Index]:
 
 
 def _icosahedron() -> tuple[Array, Index]:
-    z, r = 1 / np.sqrt(5), 2 / np.sqrt(5)
-    angle = 2 * np.pi * np.arange(5) / 5
-    upper = np.column_stack([r * np.cos(angle), r * np.sin(angle), np.full(5, z)])
-    lower = -upper
-    nodes = np.vstack([[[0.0, 0.0, 1.0]], upper, lower, [[0.0, 0.0, -1.0]]])
+    golden = (1 + np.sqrt(5)) / 2
+    corners = np.array([(0.0, a, b) for a in (1, -1) for b in (golden, -golden)])
+    nodes = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
     faces = []
-    for k in range(5):
-        a, b = 1 + k, 1 + (k + 1) % 5
-        # the lower node 6 + m lies opposite to the upper node 1 + m
-        below, beyond = 6 + (k + 3) % 5, 6 + (k + 4) % 5
-        faces += [(0, a, b), (a, below, b), (b, below, beyond), (11, beyond, below)]
-    return nodes, np.array(faces, dtype=np.int64)
+    for corner in combinations(range(12), 3):
+        a, b, c = nodes[list(corner)]
+        sides = np.linalg.norm([a - b, b - c, c - a], axis=1)
+        if sides.max() < 2.1:  # the edges have length 2, all other pairs are farther apart
+            outward = np.dot(a, np.cross(b, c)) > 0
+            faces.append(corner if outward else corner[::-1])
+    return nodes / np.linalg.norm(nodes[0]), np.array(faces, dtype=np.int64)
 
 
 def _subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
