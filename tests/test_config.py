@@ -10,6 +10,7 @@ from amoeboid.config import (
     Time,
     config_from_toml,
     config_to_toml,
+    resolved,
     with_settings,
 )
 from amoeboid.parameters import Parameters
@@ -94,6 +95,23 @@ def test_wrong_settings_are_refused(setting, says):
 )
 def test_toml_reads_back_equal(config):
     assert config_from_toml(config_to_toml(config)) == config
+
+
+def test_automatic_times_follow_the_rates_of_the_parameters():
+    slow = Parameters(R0=10, beta=0.1, D=0.03, c0=1370, c_r=970, v_p0=1.7)  # micrometres, seconds
+    config = resolved(Config(parameters=slow, time=Time(max_step=3)))
+    assert slow.rate == pytest.approx(0.1)
+    assert config.time.end == pytest.approx(2000)
+    assert config.time.max_step == 3
+    assert config.output.interval == pytest.approx(5)
+    assert resolved(config) == config
+    assert "automatic" not in config_to_toml(Config())
+    assert config_from_toml(config_to_toml(Config())) == Config()
+
+
+def test_parameters_under_which_nothing_happens_have_no_rate():
+    with pytest.raises(InvalidInput, match="nothing would ever change"):
+        resolved(Config(parameters=Parameters(beta=0, D=0, v_p0=0)))
 
 
 def test_an_empty_file_is_the_default_run():

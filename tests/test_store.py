@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml
+from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
 from amoeboid.observables import observed, retrograde_flow
 from amoeboid.simulation import evolve, model_of, start
 from amoeboid.store import (
@@ -86,14 +86,14 @@ def test_manifest_says_how_to_repeat_the_run(tmp_path):
     assert manifest["seed"] == 0
     assert {"amoeboid", "numpy", "scipy", "numba"} <= manifest["versions"].keys()
     assert [f["file"] for f in manifest["frames"]] == [f"frames/{n}" for _, n in run.frame_times]
-    assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == CONFIG
+    assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == resolved(CONFIG)
 
 
 def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
     _, _, whole = run_into(tmp_path / "whole")
     run_into(tmp_path / "halves", stop_after=7)
     config = stored_config(tmp_path / "halves")
-    assert config == CONFIG
+    assert config == resolved(CONFIG)
     model = model_of(config)
     run, step = resumed_run(tmp_path / "halves", config, model)
     assert step.number == 7

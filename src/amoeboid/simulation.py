@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from amoeboid.config import Config, Time
+from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import geometry, volume_centroid
@@ -60,9 +60,10 @@ class Diverged(ArithmeticError):
 
 def start(config: Config) -> tuple[Model, Step]:
     """The model and the initial step of a configuration. Raises InvalidInput."""
+    config = resolved(config)
     model, rest = sphere(config.parameters, config.mesh.subdivisions)
     state = perturbed(model, rest, config.initial)
-    dt = min(config.time.max_step, config.time.end, FIRST_STEP / model.rate)
+    dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
     return model, Step(0, state, flow, None, dt, 0, *_rate(model, state, flow))
 
@@ -79,6 +80,7 @@ def evolve(model: Model, first: Step, time: Time, events: Sequence[Event] = ()) 
     A run continued from any step goes on exactly as the uninterrupted one. Raises Diverged if no
     step, however short, can be made.
     """
+    time = resolved(Config(parameters=model.parameters, time=time)).time
     step = first
     while step.state.t < time.end:
         step = _next(model, step, time)
@@ -99,7 +101,7 @@ def _ended(step: Step, time: Time, events: Sequence[Event]) -> Step:
 
 def _next(model: Model, step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
-    dt, rejected = step.next_dt, step.rejected
+    dt, rejected = min(step.next_dt, time.max_step), step.rejected
     why = ""
     while dt > SHORTEST_STEP / model.rate:
         remaining = time.end - step.state.t
@@ -123,7 +125,7 @@ def _next(model: Model, step: Step, time: Time) -> Step:
             continue
         grown = min(time.max_step, float(factor) * length)
         # a last step cut short by time.end says nothing about the length to go on with
-        next_dt = max(grown, min(dt, time.max_step)) if length < dt else grown
+        next_dt = max(grown, dt) if length < dt else grown
         rate, steady = _rate(model, state, flow)
         return Step(step.number + 1, state, flow, step.state, next_dt, rejected, rate, steady)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")

@@ -29,7 +29,7 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Config, config_from_toml, config_to_toml
+from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
 from amoeboid.simulation import Step
 from amoeboid.surface.model import Flow, Model, State
@@ -67,7 +67,7 @@ class Run:
 
     def __init__(self, folder: Path, config: Config, model: Model) -> None:
         self.folder = folder
-        self.config = config
+        self.config = resolved(config)
         self.model = model
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
@@ -146,7 +146,7 @@ def new_folder(requested: Path | None) -> Path:
 def new_run(folder: Path, config: Config, model: Model) -> Run:
     """Start a run in an empty folder."""
     run = Run(folder, config, model)
-    write_text(folder / "config.toml", config_to_toml(config))
+    write_text(folder / "config.toml", config_to_toml(run.config))
     run.write_manifest("running")
     return run
 
@@ -173,7 +173,7 @@ def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
         raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
     run = Run(folder, config, model)
     run.rows, run.frame_times = rows, frame_times
-    write_text(folder / "config.toml", config_to_toml(config))
+    write_text(folder / "config.toml", config_to_toml(run.config))
     run.write_manifest("running")
     return run, step
 

@@ -121,9 +121,9 @@ def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
             f"the run in {str(args.resume)!r} has ended steady at t = {first.state.t:g}; "
             "to go on, --set time.stop_when_steady=false"
         )
-    if first.state.t >= config.time.end:
+    if first.state.t >= run.config.time.end:
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has reached time.end = {config.time.end:g}; "
+            f"the run in {str(args.resume)!r} has reached time.end = {run.config.time.end:g}; "
             "to go on, --set time.end to a later time"
         )
     return model, run, first

@@ -30,13 +30,8 @@ class Model:
 
     @cached_property
     def rate(self) -> float:
-        """The fastest of turnover, diffusion over R0 and treadmilling over R0 [1/T].
-
-        The unit in which "slow" and "steady" are measured.
-        """
-        p = self.parameters
-        rates = (p.beta, p.D / p.R0**2, abs(float(p.v_p(p.c0))) / p.R0)
-        return max(rates)
+        """Parameters.rate: the unit in which slow and steady are measured [1/T]."""
+        return self.parameters.rate
 
     @cached_property
     def vector_band(self) -> SymmetricBand:
