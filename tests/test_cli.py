@@ -140,7 +140,7 @@ def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys)
     result = json.loads(out)
     assert result["status"] == "diverged"
     assert not result["steady"]
-    assert "concentration" in err
+    assert "diverged: at t = " in err
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["status"] == "diverged"
     assert (folder / manifest["frames"][-1]["file"]).is_file()

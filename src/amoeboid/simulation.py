@@ -102,7 +102,7 @@ def _ended(step: Step, time: Time, events: Sequence[Event]) -> Step:
 def _next(model: Model, step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
     dt, rejected = min(step.next_dt, time.max_step), step.rejected
-    why = ""
+    why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
         remaining = time.end - step.state.t
         # do not leave a sliver for the last step

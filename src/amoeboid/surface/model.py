@@ -47,6 +47,14 @@ class Model:
         return GeneralBand(self.mesh.rows, self.mesh.columns, self.mesh.n_nodes)
 
     @cached_property
+    def transposed(self) -> NDArray[np.int64]:
+        """Places of the transposed entries in the pattern of the mesh (P,)."""
+        rows, columns = self.mesh.rows, self.mesh.columns
+        return np.searchsorted(
+            rows * self.mesh.n_nodes + columns, columns * self.mesh.n_nodes + rows
+        )
+
+    @cached_property
     def diagonal(self) -> NDArray[np.int64]:
         """Places of the diagonal in the pattern of the mesh (V,)."""
         return np.flatnonzero(self.mesh.rows == self.mesh.columns)
