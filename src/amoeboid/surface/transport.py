@@ -36,7 +36,7 @@ def transported(
     added = added_diffusion(entries, model)
     given_back = returned_fluxes(added, filaments / g.node_areas, filaments, model)
     entries -= added
-    entries[model.diagonal] += np.bincount(mesh.rows, added) + g.node_areas * (1.0 + dt * p.beta)
+    entries[model.diagonal] += _sums(added, model) + g.node_areas * (1.0 + dt * p.beta)
     gained = dt * p.beta * p.c0 * g.node_areas
     return model.scalar_band.factor(entries).solve(filaments + given_back + gained)
 
@@ -51,7 +51,7 @@ def added_diffusion(entries: Array, model: Model) -> Array:
 def diffusive_loss(added: Array, c: Array, model: Model) -> Array:
     """What each node loses (V,) to its neighbors by the added diffusion, if nothing is returned."""
     rows, columns = model.mesh.rows, model.mesh.columns
-    return np.asarray(np.bincount(rows, added * (c[rows] - c[columns])), dtype=float)
+    return _sums(added * (c[rows] - c[columns]), model)
 
 
 def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array:
@@ -62,15 +62,17 @@ def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array
     rows, columns, starts = model.mesh.rows, model.mesh.columns, model.mesh.row_start[:-1]
     step = c[rows] - c[columns]
     fluxes = added * step
-    reach = np.bincount(rows, added)
-    gain = _share(
-        np.bincount(rows, np.maximum(fluxes, 0.0)), reach * np.maximum.reduceat(-step, starts)
-    )
+    reach = _sums(added, model)
+    gain = _share(_sums(np.maximum(fluxes, 0.0), model), reach * np.maximum.reduceat(-step, starts))
     below = np.minimum(stock, reach * np.maximum.reduceat(step, starts))
-    loss = _share(np.bincount(rows, np.maximum(-fluxes, 0.0)), below)
+    loss = _share(_sums(np.maximum(-fluxes, 0.0), model), below)
     inward, outward = np.minimum(gain[rows], loss[columns]), np.minimum(loss[rows], gain[columns])
-    fluxes *= np.where(fluxes > 0, inward, outward)
-    return np.asarray(np.bincount(rows, fluxes), dtype=float)
+    return _sums(fluxes * np.where(fluxes > 0, inward, outward), model)
+
+
+def _sums(entries: Array, model: Model) -> Array:
+    """Row sums (V,) of entries on the pattern of the mesh."""
+    return np.asarray(np.add.reduceat(entries, model.mesh.row_start[:-1]))
 
 
 def _share(wanted: Array, allowed: Array) -> Array:
