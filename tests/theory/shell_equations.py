@@ -46,14 +46,14 @@ def embedding(shape, *moves):
 
 def meridian_metric(W, Z):
     """s^2 (w_x^2 + z_x^2), free of square roots."""
-    return sp.expand((s2 * sp.diff(W, x) - x * W) ** 2 + s2 * sp.diff(Z, x) ** 2)
+    return (s2 * sp.diff(W, x) - x * W) ** 2 + s2 * sp.diff(Z, x) ** 2
 
 
 def strain_rates(shape, field):
     """(g^{alpha beta} dg_{alpha beta}/dt)/2, meridian and azimuthal part, at a flow `field`."""
     W, Z = embedding(shape, (flow, field))
     m = meridian_metric(W, Z)
-    meridian = (sp.diff(m, flow) / (2 * m)).subs(flow, 0)
+    meridian = sp.diff(m, flow).subs(flow, 0) / (2 * sp.expand(m.subs(flow, 0)))
     azimuth = (sp.diff(W, flow) / W).subs(flow, 0)
     return meridian, azimuth
 
@@ -61,7 +61,7 @@ def strain_rates(shape, field):
 def area_density(shape):
     """dA = 2 pi (this) dx."""
     W, Z = embedding(shape)
-    return W * sp.sqrt(meridian_metric(W, Z))
+    return W * sp.sqrt(sp.expand(meridian_metric(W, Z)))
 
 
 def dissipation_variation(shape, field, variation):
@@ -77,7 +77,7 @@ def dissipation_variation(shape, field, variation):
 def energy_variation(shape, variation):
     """Integrand of the variation of zeta_0 A - delta_P V."""
     W, Z = embedding(shape, (test, variation))
-    area = W * sp.sqrt(meridian_metric(W, Z))
+    area = W * sp.sqrt(sp.expand(meridian_metric(W, Z)))
     volume = s2 * W**2 * sp.diff(Z, x) / 2
     return sp.diff(zeta_0 * area - delta_P * volume, test).subs(test, 0)
 
