@@ -50,7 +50,7 @@ class RigidSphere:
 
     def max_speed(self, modes):
         """Largest tangential speed over the sphere."""
-        theta = np.linspace(0, np.pi, 361)
+        theta = np.linspace(0, np.pi, 2001)
         unit = np.eye(len(self.P) + 1)[1:]
         slope = np.array([legendre.legval(np.cos(theta), legendre.legder(e)) for e in unit])
         flow_slopes = self.flow_slopes(self.concentration(modes))

@@ -68,20 +68,35 @@ def flow_profile(p: Points, c: Harmonics, theta: ArrayLike) -> Array:
 
     Negative for a > 0: towards the pole of high concentration. Parameters broadcast against theta.
     """
+    q0, q1, q2 = _flow_polynomial(p, c)
     x = np.cos(theta)
-    slopes = (np.ones_like(x), 3 * x, (15 * x**2 - 3) / 2)
-    w = driving_speeds(p, c)
-    flow = sum(flow_response(p, l) * w[l - 1] * slopes[l - 1] for l in (1, 2, 3))
-    return np.sin(theta) * flow
+    return np.sin(theta) * (q0 + q1 * x + q2 * x**2)
 
 
-def max_retrograde_speed(p: AnyPoints, c: Harmonics, samples: int = 361) -> Array:
-    """Largest |u| over the sphere [L/T], to 1e-5 of itself (the samples resolve the maximum)."""
-    at = points(p)
-    spread = {name: np.asarray(getattr(at, name))[..., None] for name in _numbers(at)}
-    column = points(at, **spread)
-    tall = Harmonics(a=_column(c.a), b=_column(c.b), d=_column(c.d))
-    return np.abs(flow_profile(column, tall, np.linspace(0, np.pi, samples))).max(axis=-1)
+@finite_result
+def max_retrograde_speed(p: Points, c: Harmonics) -> Array:
+    """Largest |u| over the sphere [L/T]: the best of 31 angles, refined by Newton's method."""
+    q0, q1, q2 = _flow_polynomial(p, c)
+
+    def speed(theta: Array) -> Array:
+        x = np.cos(theta)
+        return np.abs(np.sin(theta) * (q0 + q1 * x + q2 * x**2))
+
+    angles = np.linspace(0, np.pi, 33)[1:-1]
+    best, at = np.zeros_like(q0), np.full_like(q0, np.pi / 2)
+    for angle in angles:
+        value = speed(angle)
+        at = np.where(value > best, angle, at)
+        best = np.maximum(value, best)
+    step = angles[1] - angles[0]
+    for _ in range(4):
+        x, s = np.cos(at), np.sin(at)
+        q, slope = q0 + q1 * x + q2 * x**2, q1 + 2 * q2 * x
+        first = x * q - s**2 * slope
+        second = -s * (q + 3 * x * slope - 2 * s**2 * q2)
+        move = np.where(second == 0, 0.0, -first / np.where(second == 0, 1.0, second))
+        at = at + np.clip(move, -step, step)
+    return np.maximum(best, speed(at))
 
 
 @finite_result
@@ -111,18 +126,18 @@ def sphere_velocities(p: AnyPoints, a: float, theta: ArrayLike) -> SphereVelocit
 
     Main text `deltavp`, SI `infinitan`. p is a single point; theta has any shape.
     """
-    f1 = points(p).v_p_derivatives(p.c0, 1)[1]
+    f1, g1 = points(p).v_p_derivatives(p.c0, 1)[1], driving_slope(p)
     sine, cosine = np.sin(theta), np.cos(theta)
     zero = np.zeros_like(sine)
     v_p = np.stack([f1 * a * cosine, zero], axis=-1)
-    v = np.stack([zero, flow_profile(p, Harmonics(a=a), theta)], axis=-1)
-    # In the frame of the cell the cortex drifts along +z by f_1 a cos/sin, the cell the other way.
+    v = np.stack([zero, g1 * a * sine], axis=-1)
     return SphereVelocities(v_p=v_p, v_c=v - v_p, v=v, migration=np.asarray(f1 * a))
 
 
-def _numbers(p: Points) -> tuple[str, ...]:
-    return tuple(name for name in p.__dataclass_fields__ if name != "law")
-
-
-def _column(values: ArrayLike) -> Array:
-    return np.asarray(values, dtype=float)[..., None]
+def _flow_polynomial(p: Points, c: Harmonics) -> tuple[Array, Array, Array]:
+    """Coefficients of u/sin(theta) in powers of x = cos(theta): sum of G_l w_l P_l'(x)."""
+    first, second, third = (
+        flow_response(p, l) * w for l, w in enumerate(driving_speeds(p, c), start=1)
+    )
+    q0, q1, q2 = np.broadcast_arrays(first - 1.5 * third, 3 * second, 7.5 * third)
+    return q0, q1, q2
