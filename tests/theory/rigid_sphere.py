@@ -48,6 +48,13 @@ class RigidSphere:
         advection = (self.slope * flux) @ self.weights * (2 * l + 1) / (2 * p.R0)
         return advection - (l * (l + 1) * p.D / p.R0**2 + p.beta) * modes
 
+    def rate_counting_advection_twice(self, modes):
+        """What nodes moving with v see with the Eulerian equation: -v.grad c once more."""
+        c = self.concentration(modes)
+        slopes, gradient = self.flow_slopes(c) @ self.slope, modes @ self.slope
+        extra = (self.P * (1 - self.x**2) * slopes * gradient) @ self.weights
+        return self.rate(modes) - extra * (2 * self.degrees + 1) / (2 * self.p.R0)
+
     def max_speed(self, modes):
         """Largest tangential speed over the sphere."""
         theta = np.linspace(0, np.pi, 2001)
@@ -65,7 +72,7 @@ def rigid_sphere(p, number=12):
     return RigidSphere(p, x, weights, P, slope)
 
 
-def normal_form_coefficients(p, amplitude):
+def normal_form_coefficients(p, amplitude, rate=RigidSphere.rate):
     """(nu, nu_5) of a' = nu a^3 + nu_5 a^5 + ..., measured on time integrations at the threshold.
 
     Each run starts with the first mode alone; once the slaved modes have settled, its growth a'/a^3
@@ -78,12 +85,12 @@ def normal_form_coefficients(p, amplitude):
     for factor in (1.0, 0.85, 0.7, 0.55, 0.4, 0.25):
         start = factor * amplitude * np.eye(len(system.P))[0]
         run = solve_ivp(
-            lambda _, m: system.rate(m), (0, settle), start, "LSODA", rtol=1e-12, atol=1e-15
+            lambda _, m: rate(system, m), (0, settle), start, "LSODA", rtol=1e-12, atol=1e-15
         )
         assert run.success
         settled = run.y[:, -1]
         squared.append(settled[0] ** 2)
-        ratio.append(system.rate(settled)[0] / settled[0] ** 3)
+        ratio.append(rate(system, settled)[0] / settled[0] ** 3)
     fit = np.polynomial.Polynomial.fit(squared, ratio, 3).convert().coef
     return fit[0], fit[1]
 

@@ -8,7 +8,7 @@ import shell_equations as model
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rigid_sphere import normal_form_coefficients, steady_state
+from rigid_sphere import RigidSphere, normal_form_coefficients, rigid_sphere, steady_state
 from sample_points import LAWS, OWN_LAW, sample_points, symbol_values
 
 from amoeboid.parameters import Parameters
@@ -92,6 +92,17 @@ def test_conserved_filaments_have_the_same_normal_form():
     p = Parameters(beta=0.0)
     p = p.replace(v_p0=float(critical_speed(p)))
     assert cubic_coefficient(p) == pytest.approx(normal_form_coefficients(p, 0.15)[0], rel=1e-5)
+
+
+def test_counting_the_advection_twice_changes_nu_but_not_the_threshold():
+    """Erratum "the equation on moving nodes": even the type of the bifurcation changes."""
+    p = Parameters(D=0.4)
+    p = p.replace(v_p0=float(critical_speed(p)))
+    twice = RigidSphere.rate_counting_advection_twice
+    nu, _ = normal_form_coefficients(p, 0.15, twice)
+    assert nu < -0.01 < 0.09 < cubic_coefficient(p)
+    first = np.eye(12)[0] * 1e-7
+    assert abs(twice(rigid_sphere(p), first)[0]) < 1e-7 * 1e-6
 
 
 def _distance_errors(p, distances):

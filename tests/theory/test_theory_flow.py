@@ -65,7 +65,7 @@ def test_max_speed_is_the_maximum_of_the_profile_and_broadcasts():
     for i, (a, b) in enumerate([(0.5, 0.1), (1.0, 0.4)]):
         exact = np.abs(flow_profile(p, Harmonics(a=a, b=b), fine)).max()
         assert found[i] == pytest.approx(exact, rel=1e-7)
-    many = points(p, D=np.linspace(0.1, 1, 3)[:, None], v_p0=[3.0, 4.0])
+    many = points(p, eta_b=np.linspace(0.1, 1, 3)[:, None], v_p0=[3.0, 4.0])
     assert max_retrograde_speed(many, Harmonics(a=0.1)).shape == (3, 2)
 
 

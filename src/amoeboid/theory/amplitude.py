@@ -13,7 +13,7 @@ import numpy as np
 from amoeboid.polymerization import Array
 from amoeboid.theory.coupling import cubic_equations, fifth_order
 from amoeboid.theory.linear import critical_speed
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.theory.points import AnyPoints, Points, finite_result
 from amoeboid.validation import InvalidInput
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"
@@ -34,20 +34,22 @@ class NormalForm:
     nu_5: Array
 
 
-def normal_form(p: AnyPoints) -> NormalForm:
+@finite_result
+def normal_form(p: Points) -> NormalForm:
     """The normal form on the center manifold at the threshold, to fifth order.
 
     v_p0 of p is not used. Raises InvalidInput without a threshold, or where D = beta = 0 (then no
     harmonic is slaved).
     """
-    at = points(p).at_speed(critical_speed(p))
+    at = p.at_speed(critical_speed(p))
     steady, equations = eliminated(at), cubic_equations(at)
     # b follows a with a delay: 2 m_2 a a' = 2 m_2 nu a^4 on the left of the b equation.
     delay = 2 * steady.m_2 * steady.nu / equations.lambda_2
     return replace(steady, m_4=steady.m_4 + delay, nu_5=steady.nu_5 + equations.A11 * delay)
 
 
-def eliminated(p: AnyPoints) -> NormalForm:
+@finite_result
+def eliminated(p: Points) -> NormalForm:
     """Harmonics 2 and 3 eliminated at rest (b' = d' = 0) at v_p0 of p, with lambda_2 kept.
 
     Its zeros are the steady states. Raises InvalidInput where lambda_2 or lambda_3 is 0.

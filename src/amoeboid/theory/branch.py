@@ -22,7 +22,7 @@ from amoeboid.theory.amplitude import (
 )
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed
 from amoeboid.theory.linear import critical_slope, critical_speed, driving_slope, growth_rate
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.theory.points import AnyPoints, Points, finite_result
 
 # Step, relative to v_p0, of the five-point differences: truncation ~ STEP^4, rounding ~ eps/STEP^2.
 STEP = 1e-3
@@ -64,13 +64,14 @@ class Prediction:
     relative_error: Array
 
 
-def branch(p: AnyPoints) -> Branch:
+@finite_result
+def branch(p: Points) -> Branch:
     """The branch to fourth order in a, for any law; v_p0 of p is not used.
 
     The derivatives with respect to v_p0 are five-point differences. Raises InvalidInput without a
     threshold.
     """
-    at = points(p).at_speed(critical_speed(p))
+    at = p.at_speed(critical_speed(p))
     steady = eliminated(at)
     slope, curvature = _speed_derivatives(lambda q: growth_rate(q, 1), at)
     nu_slope, _ = _speed_derivatives(cubic_coefficient_at_speed, at)
@@ -79,7 +80,8 @@ def branch(p: AnyPoints) -> Branch:
     return Branch(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4)
 
 
-def steady_amplitude(p: AnyPoints) -> SteadyAmplitude:
+@finite_result
+def steady_amplitude(p: Points) -> SteadyAmplitude:
     """Amplitude of the polarized steady state, a^2 = -lambda_1/nu with nu at the threshold.
 
     Main text `WNLA`. It exists above a supercritical threshold (stable) and below a subcritical
@@ -92,7 +94,8 @@ def steady_amplitude(p: AnyPoints) -> SteadyAmplitude:
     return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & (nu < 0))
 
 
-def next_steady_amplitude(p: AnyPoints) -> SteadyAmplitude:
+@finite_result
+def next_steady_amplitude(p: Points) -> SteadyAmplitude:
     """The same state to next order: a^2 solves v_2 a^2 + v_4 a^4 = v_p0 - v_p^c.
 
     The root that continues the cubic one; where there is none, `exists` is false.
@@ -145,7 +148,8 @@ def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
     return Harmonics(a=a, b=form.m_2 * a**2, d=form.m_3 * a**3)
 
 
-def prediction(p: AnyPoints) -> Prediction:
+@finite_result
+def prediction(p: Points) -> Prediction:
     """Polarized state at v_p0 by the cubic theory, with an estimate of its error; broadcasts.
 
     Raises InvalidInput without a threshold.

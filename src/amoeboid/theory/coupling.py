@@ -13,17 +13,11 @@ exponential law, `eq_nonlinear_inv` for the inverse law, both to third order.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import TypeVar
-
-import numpy as np
+from dataclasses import dataclass
 
 from amoeboid.polymerization import Array
 from amoeboid.theory.linear import driving_slope, flow_response, growth_rate
-from amoeboid.theory.points import AnyPoints, points
-from amoeboid.validation import InvalidInput
-
-Equations = TypeVar("Equations", "CubicEquations", "FifthOrder")
+from amoeboid.theory.points import Points, finite_result
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,57 +49,43 @@ class FifthOrder:
     D11: Array
 
 
-def cubic_equations(p: AnyPoints) -> CubicEquations:
+@finite_result
+def cubic_equations(p: Points) -> CubicEquations:
     """The amplitude equations to third order at v_p0 of p; broadcasts over the parameters.
 
     Raises InvalidInput where the law is not defined at c0 or a coefficient overflows.
     """
-    p = points(p)
-    with np.errstate(all="ignore"):
-        c0, R0 = p.c0, p.R0
-        _, _, f2, f3 = p.v_p_derivatives(c0, 3)
-        g1 = driving_slope(p)
-        G2 = flow_response(p, 2)
-        found = CubicEquations(
-            lambda_1=growth_rate(p, 1),
-            lambda_2=growth_rate(p, 2),
-            A3=-(c0 * f3 + 2 * G2 * f2) / (5 * R0),
-            A11=2 * ((1 - 3 * G2) * g1 - 2 * c0 * f2) / (5 * R0),
-            B2=-2 * (g1 + c0 * G2 * f2) / R0,
-        )
-    return _finite(found)
+    c0, R0 = p.c0, p.R0
+    _, _, f2, f3 = p.v_p_derivatives(c0, 3)
+    g1 = driving_slope(p)
+    G2 = flow_response(p, 2)
+    return CubicEquations(
+        lambda_1=growth_rate(p, 1),
+        lambda_2=growth_rate(p, 2),
+        A3=-(c0 * f3 + 2 * G2 * f2) / (5 * R0),
+        A11=2 * ((1 - 3 * G2) * g1 - 2 * c0 * f2) / (5 * R0),
+        B2=-2 * (g1 + c0 * G2 * f2) / R0,
+    )
 
 
-def fifth_order(p: AnyPoints) -> FifthOrder:
+@finite_result
+def fifth_order(p: Points) -> FifthOrder:
     """The terms beyond third order at v_p0 of p; broadcasts, and raises as `cubic_equations`."""
-    p = points(p)
-    with np.errstate(all="ignore"):
-        c0, R0 = p.c0, p.R0
-        _, _, f2, f3, f4, f5 = p.v_p_derivatives(c0, 5)
-        g1 = driving_slope(p)
-        G2, G3 = flow_response(p, 2), flow_response(p, 3)
-        found = FifthOrder(
-            lambda_3=growth_rate(p, 3),
-            A5=-(c0 * f5 + 4 * G2 * f4) / (140 * R0),
-            A31=((7 - 55 * G2 - 12 * G3) * f3 - 20 * c0 * f4) / (175 * R0),
-            A12=((28 - 30 * G2 - 108 * G3) * f2 - 55 * c0 * f3) / (175 * R0),
-            A201=-6 * (2 * G2 * f2 + c0 * f3) / (35 * R0),
-            A011=18 * ((G2 - 2 * G3) * g1 - c0 * f2) / (35 * R0),
-            B4=-((7 + 8 * G3) * f3 + 5 * c0 * G2 * f4) / (35 * R0),
-            B21=-(11 * c0 * G2 * f3 + (28 + 10 * G2 + 72 * G3) / 5 * f2) / (7 * R0),
-            B02=-6 * G2 * (g1 + c0 * f2) / (7 * R0),
-            B101=6 * ((1 - 4 * G3) * g1 - 3 * c0 * G2 * f2) / (7 * R0),
-            D3=-4 * (2 * G2 * f2 + c0 * G3 * f3) / (5 * R0),
-            D11=-12 * ((1 + 2 * G2) * g1 + 3 * c0 * G3 * f2) / (5 * R0),
-        )
-    return _finite(found)
-
-
-def _finite(found: Equations) -> Equations:
-    for f in fields(found):
-        if not np.all(np.isfinite(getattr(found, f.name))):
-            raise InvalidInput(
-                f"coefficient {f.name} of the amplitude equations is beyond double precision; "
-                "use units in which the parameters are nearer to 1"
-            )
-    return found
+    c0, R0 = p.c0, p.R0
+    _, _, f2, f3, f4, f5 = p.v_p_derivatives(c0, 5)
+    g1 = driving_slope(p)
+    G2, G3 = flow_response(p, 2), flow_response(p, 3)
+    return FifthOrder(
+        lambda_3=growth_rate(p, 3),
+        A5=-(c0 * f5 + 4 * G2 * f4) / (140 * R0),
+        A31=((7 - 55 * G2 - 12 * G3) * f3 - 20 * c0 * f4) / (175 * R0),
+        A12=((28 - 30 * G2 - 108 * G3) * f2 - 55 * c0 * f3) / (175 * R0),
+        A201=-6 * (2 * G2 * f2 + c0 * f3) / (35 * R0),
+        A011=18 * ((G2 - 2 * G3) * g1 - c0 * f2) / (35 * R0),
+        B4=-((7 + 8 * G3) * f3 + 5 * c0 * G2 * f4) / (35 * R0),
+        B21=-(11 * c0 * G2 * f3 + (28 + 10 * G2 + 72 * G3) / 5 * f2) / (7 * R0),
+        B02=-6 * G2 * (g1 + c0 * f2) / (7 * R0),
+        B101=6 * ((1 - 4 * G3) * g1 - 3 * c0 * G2 * f2) / (7 * R0),
+        D3=-4 * (2 * G2 * f2 + c0 * G3 * f3) / (5 * R0),
+        D11=-12 * ((1 + 2 * G2) * g1 + 3 * c0 * G3 * f2) / (5 * R0),
+    )

@@ -174,7 +174,8 @@ def finite_pressure_matrix(p: Points, l: ArrayLike) -> Array:
     return np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
 
 
-def finite_pressure_rates(p: AnyPoints, l: ArrayLike) -> Array:
+@finite_result
+def finite_pressure_rates(p: Points, l: ArrayLike) -> Array:
     """Its two eigenvalues [1/T], complex, shape (..., 2), the slower-decaying one first."""
     M = finite_pressure_matrix(p, l)
     m11, m12, m21, m22 = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]

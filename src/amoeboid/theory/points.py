@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import Field, dataclass, fields, replace
+from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from functools import wraps
-from typing import Any, Concatenate, ParamSpec
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +16,7 @@ from amoeboid.polymerization import law as law_from
 from amoeboid.validation import InvalidInput, rule
 
 Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,22 +92,34 @@ def points(base: AnyPoints, **changes: Any) -> Points:
 
 
 def finite_result(
-    function: Callable[Concatenate[Points, Arguments], Array],
-) -> Callable[Concatenate[AnyPoints, Arguments], Array]:
-    """Let a formula written for Points take Parameters too; refuse an overflow as its answer."""
+    function: Callable[Concatenate[Points, Arguments], Result],
+) -> Callable[Concatenate[AnyPoints, Arguments], Result]:
+    """Let a formula written for Points take Parameters too; refuse an overflow as its answer.
+
+    The answer is an array, or a dataclass of arrays.
+    """
 
     @wraps(function)
-    def evaluated(p: AnyPoints, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Array:
+    def evaluated(p: AnyPoints, /, *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
         with np.errstate(all="ignore"):
-            result = np.asarray(function(points(p), *args, **kwargs))
-        if not np.all(np.isfinite(result)):
-            raise InvalidInput(
-                f"{function.__name__} is beyond double precision at these parameters; "
-                "use units in which they are nearer to 1"
-            )
+            result: Any = function(points(p), *args, **kwargs)
+        if not is_dataclass(result):
+            result = np.asarray(result)
+        _refuse_overflow(function.__name__, result)
         return result
 
     return evaluated
+
+
+def _refuse_overflow(name: str, result: Any) -> None:
+    if is_dataclass(result):
+        for f in fields(result):
+            _refuse_overflow(f"{name}: {f.name}", getattr(result, f.name))
+    elif not np.all(np.isfinite(result)):
+        raise InvalidInput(
+            f"{name} is beyond double precision at these parameters; "
+            "use units in which they are nearer to 1"
+        )
 
 
 def _checked(f: Field[Any], value: Any) -> Array:

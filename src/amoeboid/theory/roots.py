@@ -14,6 +14,8 @@ DECADES = 8
 SAMPLES_PER_DECADE = 200
 # A sign change at which the function does not go to zero, on this scale, is a pole.
 POLE = 1e-6
+# Roots are sought where products with other quantities neither vanish nor overflow.
+SMALLEST = 1e-150
 
 Function = Callable[[Array], Array]
 
@@ -25,18 +27,21 @@ def roots_about(function: Function, scale: float) -> list[float]:
     root. Where the function is refused (InvalidInput) there is no root.
     """
     exponents = np.linspace(-DECADES, DECADES, 2 * DECADES * SAMPLES_PER_DECADE + 1)
-    x = scale * 10.0**exponents
+    with np.errstate(over="ignore", under="ignore"):
+        x = scale * 10.0**exponents
+    x = x[(x > SMALLEST) & (x < 1 / SMALLEST)]
     y = _samples(function, x)
+    sign = np.sign(y)
     found = {float(v) for v in x[y == 0.0]}
     for i in range(len(x) - 1):
-        if y[i] * y[i + 1] < 0:
+        if sign[i] * sign[i + 1] < 0:
             found.update(_bracketed(function, x[i], x[i + 1]))
     for i in range(1, len(x) - 1):
-        one_sign = y[i - 1] * y[i] > 0 and y[i] * y[i + 1] > 0
+        one_sign = sign[i - 1] == sign[i] == sign[i + 1] != 0
         turns = abs(y[i]) <= min(abs(y[i - 1]), abs(y[i + 1]))
         # Only where the parabola through three samples comes near zero can roots hide between them.
         if one_sign and turns and abs(y[i]) <= 2 * abs(y[i - 1] - 2 * y[i] + y[i + 1]):
-            found.update(_about_extremum(function, x[i - 1], x[i + 1], float(np.sign(y[i]))))
+            found.update(_about_extremum(function, x[i - 1], x[i + 1], float(sign[i])))
     return sorted(found)
 
 
