@@ -75,7 +75,7 @@ def test_growth_rate_is_derived_from_the_tangential_force_balance(l):
         )
 
 
-@pytest.mark.parametrize("l", [2, 3, 4])
+@pytest.mark.parametrize("l", [2, 3, pytest.param(4, marks=pytest.mark.slow)])
 def test_finite_pressure_matrix_is_derived_on_the_deformed_sphere(l):
     derived = model.linear_dynamics(l)
     for p in POINTS:
@@ -184,6 +184,28 @@ def test_a_pole_is_no_threshold():
     for v in found.v_p0:
         assert abs(growth_rate(p.replace(v_p0=v), 1)) < 1e-8
     assert not np.any(np.isclose(found.v_p0, 5))
+
+
+def test_thresholds_of_a_law_that_is_not_defined_everywhere():
+    # Defined for v_p0 < 10 only; the slope log(10 - v_p0) falls through the critical one.
+    p = Parameters(law="log(10 - v_p0)*c")
+    expected = 10 - np.exp(-(2 * p.D / p.R0 + p.beta * p.R0) / (2 * p.c0))
+    found = thresholds(p)
+    assert found.v_p0 == pytest.approx([expected], rel=1e-12)
+    assert found.onset.tolist() == [True]
+
+
+def test_thresholds_of_a_law_that_wiggles_forever():
+    p = Parameters(law="(2 + sin(v_p0))*exp(-c)")
+    needed = float(critical_speed(Parameters()))
+    assert needed > 3
+    assert thresholds(p).reason.startswith("lambda is never 0")
+    found = thresholds(p.replace(law="(3 + sin(v_p0))*exp(-c)"))
+    rising = np.arcsin(needed - 3)
+    assert found.v_p0[:4] == pytest.approx(
+        [rising, np.pi - rising, rising + 2 * np.pi, 3 * np.pi - rising], rel=1e-9
+    )
+    assert found.onset[:4].tolist() == [True, False, True, False]
 
 
 @pytest.mark.parametrize(

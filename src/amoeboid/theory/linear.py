@@ -6,8 +6,10 @@ resistance alpha adds K = alpha R0/(2S) to the slope f_1 and does nothing else (
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +22,7 @@ from amoeboid.validation import InvalidInput
 # A law that scales with v_p0 to this accuracy over the whole range of the root search has the
 # threshold that the closed form gives, to the same accuracy.
 PROPORTIONAL = 1e-12
+MOST_THRESHOLDS = 100
 
 
 @dataclass(frozen=True)
@@ -99,7 +102,8 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
     """Every v_p0 > 0 with lambda_l = 0, whatever the law; SI `vpc`, `vpc_inv`, `eq_vpc_compress`.
 
     p is a single point, its v_p0 is not used. Closed form if the law is proportional to v_p0,
-    otherwise all roots in 16 decades about the natural scale. The printed `eq_vpc_compress` lacks a
+    otherwise all roots in 16 decades about the natural scale (the lowest 100 of a law that wiggles
+    forever). The printed `eq_vpc_compress` lacks a
     factor 1/2 (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
     """
     p = _single(p)
@@ -115,7 +119,8 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
             return _none("D, beta and alpha are 0: nothing opposes polarization at any v_p0 > 0")
         return Thresholds(_representable(np.array([target / slope])), np.array([True]), "")
     scale = abs(target) * float(p.c_r) or float(p.v_p0) or 1.0
-    found = roots_about(lambda v: growth_rate(p.at_speed(v), l), scale)
+    roots = roots_about(lambda v: growth_rate(p.at_speed(v), l), scale)
+    found = list(islice(roots, MOST_THRESHOLDS))
     if not found:
         return _none("lambda is never 0 for this law within 8 decades of its natural speed scale")
     return Thresholds(np.array(found), np.array([_rises(p, v, l) for v in found]), "")
@@ -221,9 +226,10 @@ def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:
     scale = onsets.get(1) or float(p.c_r) * float(p.beta * p.R0 + p.D / p.R0) or 1.0
     for l in range(2, l_max + 1):
         rate = partial(_slowest, p, l)
-        rising = [v for v in roots_about(rate, scale) if rate(v * (1 + 1e-6)) > 0]
-        if rising:
-            onsets[l] = rising[0]
+        roots = islice(roots_about(rate, scale), MOST_THRESHOLDS)
+        rising = next((v for v in roots if _is_positive(rate, v * (1 + 1e-6))), None)
+        if rising is not None:
+            onsets[l] = rising
     return onsets
 
 
@@ -241,7 +247,15 @@ def _slowest(p: Points, l: int, v_p0: ArrayLike) -> Array:
 
 
 def _rises(p: Points, v: float, l: int) -> bool:
-    return bool(growth_rate(p.at_speed(v * (1 + 1e-6)), l) > 0)
+    return _is_positive(lambda v: growth_rate(p.at_speed(v), l), v * (1 + 1e-6))
+
+
+def _is_positive(rate: Callable[[ArrayLike], Array], v: float) -> bool:
+    """Whether the rate is positive at v; false where the law is not defined."""
+    try:
+        return bool(rate(v) > 0)
+    except InvalidInput:
+        return False
 
 
 def _lowest(p: Points, l: int) -> float:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array
 from amoeboid.theory.coupling import cubic_equations
-from amoeboid.theory.linear import driving_slope, thresholds
+from amoeboid.theory.linear import MOST_THRESHOLDS, driving_slope, thresholds
 from amoeboid.theory.points import AnyPoints, Points, points
 from amoeboid.theory.roots import roots_about
 from amoeboid.validation import InvalidInput
@@ -65,5 +66,5 @@ def _crossings(p: Points) -> list[tuple[float, float]]:
         e = cubic_equations(at)
         return np.where(allowed, e.A3 * e.lambda_2 - e.A11 * e.B2, np.nan)
 
-    roots = roots_about(numerator, float(start.v_p0[0]))
+    roots = islice(roots_about(numerator, float(start.v_p0[0])), MOST_THRESHOLDS)
     return [(float(diffusion_at_threshold(p, v)), v) for v in roots]
