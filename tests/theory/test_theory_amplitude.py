@@ -74,9 +74,19 @@ def test_amplitude_equations_are_derived_from_the_model(derived, name):
         assert coded == pytest.approx(float(derived[name].subs(symbol_values(p))), rel=1e-11)
 
 
-@pytest.mark.parametrize("law", ["exponential", "inverse", OWN_LAW])
+GENERIC = {"R0": 1.3, "eta_b": 0.4, "alpha": 0.1, "beta": 0.7}
+
+
 @pytest.mark.parametrize(
-    "changes", [{}, {"D": 0.4}, {"R0": 1.3, "eta_b": 0.4, "alpha": 0.1, "beta": 0.7}]
+    ("law", "changes"),
+    [
+        ("exponential", {}),
+        ("exponential", {"D": 0.4}),
+        ("exponential", GENERIC),
+        ("inverse", {}),
+        ("inverse", {"D": 0.4}),
+        (OWN_LAW, GENERIC),
+    ],
 )
 def test_normal_form_is_measured_on_a_time_integration(law, changes):
     p = Parameters(law=law, **changes)
