@@ -1,8 +1,8 @@
 """Random parameter points with different laws, and their values for the symbols of the model."""
 
 import numpy as np
-import shell_equations as model
 
+import theory.shell_equations as model
 from amoeboid.parameters import Parameters
 
 OWN_LAW = "v_p0*(1 + 0.3*c/c_r)*exp(-0.8*c/c_r) + 0.05*v_p0/(1 + (c/c_r)**2)"

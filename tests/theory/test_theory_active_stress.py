@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-import shell_equations as model
 import sympy as sp
 
+import theory.shell_equations as model
 from amoeboid.theory.active_stress import (
     Meridian,
     active_stress,

@@ -4,13 +4,11 @@ import re
 
 import numpy as np
 import pytest
-import shell_equations as model
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from rigid_sphere import RigidSphere, normal_form_coefficients, rigid_sphere, steady_state
-from sample_points import LAWS, OWN_LAW, sample_points, symbol_values
 
+import theory.shell_equations as model
 from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import (
     bifurcation,
@@ -35,6 +33,8 @@ from amoeboid.theory.linear import critical_speed, growth_rate
 from amoeboid.theory.phase_boundary import phase_boundary
 from amoeboid.theory.points import points
 from amoeboid.validation import InvalidInput
+from theory.rigid_sphere import RigidSphere, normal_form_coefficients, rigid_sphere, steady_state
+from theory.sample_points import LAWS, OWN_LAW, sample_points, symbol_values
 
 POINTS = sample_points()
 # Where each named coefficient stands: which equation, and the powers of a, b, d.

@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from rigid_sphere import rigid_sphere
-from sample_points import sample_points
 
 from amoeboid.parameters import Parameters
 from amoeboid.theory.flow import (
@@ -17,6 +15,8 @@ from amoeboid.theory.flow import (
 )
 from amoeboid.theory.linear import driving_slope, finite_pressure_matrix
 from amoeboid.theory.points import points
+from theory.rigid_sphere import rigid_sphere
+from theory.sample_points import sample_points
 
 POINTS = sample_points()
 THETA = np.linspace(0, np.pi, 41)

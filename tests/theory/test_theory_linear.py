@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
-import shell_equations as model
 import sympy as sp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sample_points import LAWS, sample_points, symbol_values
 
+import theory.shell_equations as model
 from amoeboid.parameters import Parameters
 from amoeboid.theory.linear import (
     base_tension,
@@ -25,6 +24,7 @@ from amoeboid.theory.linear import (
 )
 from amoeboid.theory.points import points
 from amoeboid.validation import InvalidInput
+from theory.sample_points import LAWS, sample_points, symbol_values
 
 POINTS = sample_points()
 

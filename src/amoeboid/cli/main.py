@@ -16,7 +16,7 @@ COMMANDS = {
     "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
 }
 
-USER_MISTAKE = 2
+FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,6 +27,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (InvalidInput, FileNotFoundError, PermissionError, IsADirectoryError) as error:
         print(f"amoeboid {args.command}: {error}", file=sys.stderr)
         return USER_MISTAKE
+    except OSError as error:
+        print(f"amoeboid {args.command}: {error}", file=sys.stderr)
+        return FAILURE
+    except KeyboardInterrupt:
+        print(f"amoeboid {args.command}: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:
