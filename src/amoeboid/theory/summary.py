@@ -74,7 +74,7 @@ def summary(p: Parameters) -> Summary:
     unstable = [str(l) for l, (slow, _) in finite.items() if slow.real > 0]
     if unstable:
         notes.append(
-            f"modes l = {', '.join(unstable)} are unstable as well at this pressure; the "
+            f"modes l = {', '.join(unstable)} are unstable at this pressure; the "
             "amplitude equation takes them for slaved"
         )
     return Summary(
