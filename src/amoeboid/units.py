@@ -45,6 +45,10 @@ _EXAMPLES = {
 }
 
 
+# pint computes powers as written, and 9**9**9 would take forever: one-digit exponents only.
+_UNREASONABLE_POWER = re.compile(r"(\*\*|\^)(?!\s*[-+]?\d(?![\d.])(?!\s*(\*\*|\^)))")
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scales:
     """What one simulation unit is: length [m], time [s], mass [kg], filaments [1]."""
@@ -143,6 +147,8 @@ def _parsed(name: str, value: Any, example: str) -> Any:
     if isinstance(value, registry.Quantity):
         return value
     try:
+        if _UNREASONABLE_POWER.search(str(value)):
+            raise ValueError
         # pint splits products at blanks and reads numbers and units only.
         found = registry.parse_expression(value) if isinstance(value, str) else None
         found = registry.Quantity(found) if isinstance(found, int | float) else found

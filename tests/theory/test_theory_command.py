@@ -88,6 +88,7 @@ SILENT = [
     {"D": 0.4, "v_p0": 7},
     {"delta_P": 0, "v_p0": 3.6},
     {"delta_P": 60, "beta": 60, "v_p0": 40},
+    {"v_p0": 0, "delta_P": 0, "law": "inverse"},
     {"c0": 700},
     {"v_p0": 1e6},
 ]

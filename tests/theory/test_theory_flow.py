@@ -15,6 +15,7 @@ from amoeboid.theory.flow import (
 )
 from amoeboid.theory.linear import driving_slope, finite_pressure_matrix
 from amoeboid.theory.points import points
+from amoeboid.validation import InvalidInput
 from theory.rigid_sphere import rigid_sphere
 from theory.sample_points import sample_points
 
@@ -103,3 +104,12 @@ def test_printed_deformation_is_the_limit_of_high_pressure():
         gaps.append(abs(deformation_at_high_pressure(at, c) / deformation(at, c) - 1))
     assert np.log10(gaps[0] / gaps[1]) == pytest.approx(1, abs=0.02)
     assert np.log10(gaps[1] / gaps[2]) == pytest.approx(1, abs=0.02)
+
+
+def test_a_shape_that_nothing_holds_is_refused():
+    soft = Parameters(delta_P=0.0)
+    assert np.isfinite(deformation(soft, Harmonics(a=0.1)))
+    with pytest.raises(InvalidInput, match="nothing holds the shape"):
+        deformation(soft.replace(v_p0=0.0), Harmonics(a=0.1))
+    with pytest.raises(InvalidInput, match="delta_P must be > 0"):
+        deformation_at_high_pressure(soft, Harmonics(a=0.1))

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from amoeboid.polymerization import Array
 from amoeboid.theory.linear import driving_slope, flow_response
 from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.validation import InvalidInput
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,18 +105,25 @@ def deformation(p: Points, c: Harmonics) -> Array:
     """Steady rho_2 in r = R0 (1 + rho_2 P_2) at finite delta_P [1]; SI `eq_rho_2` generalized.
 
     The printed form is the leading order in 1/delta_P; this one holds at any delta_P, to second
-    order in a.
+    order in a. Raises InvalidInput where delta_P and v_p(c0) are both 0.
     """
     (f0,) = p.v_p_derivatives(p.c0, 0)
     S = p.eta_s + p.eta_b
     source = 4 * p.eta_s * S * driving_speeds(p, c)[1]
     stiffness = p.delta_P * p.R0**2 * (5 * p.eta_s + 3 * p.eta_b) + 4 * p.eta_s * S * f0
+    if np.any(stiffness == 0):
+        raise InvalidInput("delta_P or v_p(c0) must be > 0: nothing holds the shape of the cell")
     return source / stiffness
 
 
 @finite_result
 def deformation_at_high_pressure(p: Points, c: Harmonics) -> Array:
-    """rho_2 to leading order in 1/delta_P, as SI `eq_rho_2` and `eq_rho_2_inverse` print it [1]."""
+    """rho_2 to leading order in 1/delta_P, as SI `eq_rho_2` and `eq_rho_2_inverse` print it [1].
+
+    Raises InvalidInput where delta_P = 0.
+    """
+    if np.any(p.delta_P == 0):
+        raise InvalidInput("delta_P must be > 0 for its expansion in 1/delta_P, got 0")
     S = p.eta_s + p.eta_b
     source = 4 * p.eta_s * S * driving_speeds(p, c)[1]
     return source / (p.delta_P * p.R0**2 * (5 * p.eta_s + 3 * p.eta_b))

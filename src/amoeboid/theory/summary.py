@@ -35,7 +35,7 @@ class Weakly:
     bifurcation: str
     delta_P_star: float
     prediction: Prediction
-    deformation: float
+    deformation: float | None
     trusted_distance: float
 
 
@@ -107,11 +107,20 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
             bifurcation=str(bifurcation(p)),
             delta_P_star=float(critical_pressure(p)),
             prediction=predicted,
-            deformation=float(deformation(p, harmonics(p, predicted.state.amplitude))),
+            deformation=_deformation(p, predicted),
             trusted_distance=float(trusted_distance(p)),
         ),
         notes,
     )
+
+
+def _deformation(p: Parameters, predicted: Prediction) -> float | None:
+    """rho_2 of the polarized state, None where there is no such state or nothing holds a shape."""
+    try:
+        rho_2 = deformation(p, harmonics(p, predicted.state.amplitude))
+    except InvalidInput:
+        return None
+    return float(rho_2) if predicted.state.exists else None
 
 
 def _speed(lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[str]]:
