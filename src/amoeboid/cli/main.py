@@ -13,6 +13,7 @@ from amoeboid.validation import InvalidInput
 # its heavy imports belong into execute, so that --help stays quick.
 COMMANDS = {
     "run": "a 3D simulation; with no argument, figure 3D of the paper",
+    "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
 }
 
 FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
