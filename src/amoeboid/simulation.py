@@ -12,13 +12,13 @@ import numpy as np
 
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import geometry, volume_centroid
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity, icosphere
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
+from amoeboid.theory.linear import growth_rate
 
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 SHORTEST_STEP = 1e-7
@@ -156,11 +156,5 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     # A small polarization that grows at lambda_1 also changes slowly: it is not steady.
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
-    growth = _polarization_growth_rate(p) * amplitude / model.rate
+    growth = float(growth_rate(p, 1)) * amplitude / model.rate
     return rate, bool(rate < STEADY and not (growth > 0 and rate > 0.1 * growth))
-
-
-def _polarization_growth_rate(p: Parameters) -> float:
-    """lambda_1 of the homogeneous sphere [1/T]; SI `lambda1`, `lambdal_compress`."""
-    slope = float(p.v_p_derivatives(p.c0, 1)[1]) + p.alpha * p.R0 / (2 * (p.eta_s + p.eta_b))
-    return -2 * p.c0 * slope / p.R0 - 2 * p.D / p.R0**2 - p.beta

@@ -5,10 +5,11 @@ from amoeboid.parameters import Parameters
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.force_balance import force_balance, normal_force, rigid_motions
 from amoeboid.surface.geometry import area_gradient, geometry, volume_gradient
-from amoeboid.surface.initial import base_tension, sphere
+from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
 from amoeboid.surface.operators import block_matrix, normal_blocks, stiffness
 from amoeboid.surface.stepping import flow_of
+from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
 
 

@@ -14,6 +14,7 @@ from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
 from amoeboid.surface.stepping import relaxed
+from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
 Array = NDArray[np.float64]
@@ -30,15 +31,8 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     r, faces = even_icosphere(subdivisions)
     model = Model(p, connectivity(faces))
     r = r * np.sqrt(model.A0 / area(r, faces))
-    state = State(0.0, r, np.full(len(r), p.c0), base_tension(p), np.zeros(3))
+    state = State(0.0, r, np.full(len(r), p.c0), float(base_tension(p)), np.zeros(3))
     return model, relaxed(model, state)
-
-
-def base_tension(p: Parameters) -> float:
-    """Tension of the homogeneous sphere, delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0."""
-    return float(
-        p.delta_P * p.R0 / 2 + 2 * p.v_p(p.c0) * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
-    )
 
 
 def perturbed(model: Model, state: State, initial: Initial) -> State:
