@@ -62,8 +62,12 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
     folder = str(tmp_path / "run")
     assert main(["run", *QUICK, "--json", "-o", folder]) == 0
     before = json.loads(capsys.readouterr().out)
-    assert main(["run", "--resume", folder]) == 2
+    files = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
+    for refused in ([], ["--set", "time.end=0.5"], ["--set", "D=1", "--set", "time.end=2"]):
+        assert main(["run", "--resume", folder, *refused]) == 2
     assert "time.end" in capsys.readouterr().err
+    # a refusal leaves the finished run as it was
+    assert files == {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
     assert main(["run", "--resume", folder, "--set", "time.end=2", "--json"]) == 0
     after = json.loads(capsys.readouterr().out)
     assert after["steps"] > before["steps"]
@@ -79,6 +83,18 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
         (["--set", "law=inverse", "--set", "c0=0"], "inverse law needs c > 0"),
         (["--set", "initial.perturbation=4"], "initial.perturbation = 4"),
         (["--set", "mesh.subdivisions=0"], "mesh.subdivisions"),
+        (["--set", "beta=0", "--set", "D=0", "--set", "v_p0=0"], "nothing would ever change"),
+        (["--set", "delta_P=1e308"], "cell at rest"),
+        (["--set", "law=-c"], "v_p(c0) >= 0"),
+        (["--set", "law=v_p0/\uff43"], "ASCII"),
+        (["--set", "law=c#x"], "ASCII"),
+        (["--set", "initial.direction=[1e-320,0,0]"], "initial.direction"),
+        (["--set", "initial.direction=[1e300,1e300,0]"], "initial.direction"),
+        (["--set", f"initial.direction=[1{'0' * 400},0,0]"], "initial.direction"),
+        (["--set", f"D=1{'0' * 5000}"], "D must be"),
+        (["--set", f"D={'[' * 3000}"], "D must be"),
+        (["--set", f"initial.seed=1{'0' * 400}"], "initial.seed"),
+        (["--set", ".x=3"], "name=value"),
         (["missing.toml"], "missing.toml"),
         (["--resume", "missing"], "config.toml"),
         (["--resume", "missing", "-o", "x"], "--resume goes on in its own folder"),
@@ -94,6 +110,7 @@ def test_user_mistakes_get_one_message_and_exit_code_2(
     assert says in err
     assert err.startswith("amoeboid run: ")
     assert err.count("\n") == 1
+    assert len(err) < 6000
     assert list(tmp_path.iterdir()) == []
 
 
@@ -102,13 +119,23 @@ def test_wrong_files_are_named(tmp_path, capsys):
     path.write_text("[parameters]\nD = 'many'\n")
     assert main(["run", str(path)]) == 2
     assert "D must be" in capsys.readouterr().err
+    path.write_text("D = " + "[" * 5000)
+    assert main(["run", str(path)]) == 2
+    assert "valid TOML" in capsys.readouterr().err
+    path.write_text(f"[parameters]\nD = 1{'0' * 5000}\n")
+    assert main(["run", str(path)]) == 2
+    path.write_bytes("[parameters]\nD = -1".encode("utf-8-sig"))
+    assert main(["run", str(path)]) == 2
+    assert "D must be" in capsys.readouterr().err
     path.write_bytes(b"\xff\xfe\x00")
     assert main(["run", str(path)]) == 2
     assert "UTF-8" in capsys.readouterr().err
     assert main(["run", str(tmp_path)]) == 2
 
 
-@pytest.mark.parametrize("arguments", [[], ["walk"], ["run", "--speed"], ["run", "a", "b"]])
+@pytest.mark.parametrize(
+    "arguments", [[], ["walk"], ["run", "--speed"], ["run", "a", "b"], ["run", "-o", ""]]
+)
 def test_unknown_commands_and_options_exit_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as leaving:
         main(arguments)

@@ -6,6 +6,8 @@ import pytest
 from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
+from amoeboid.surface.geometry import area
+from amoeboid.validation import InvalidInput
 
 QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
 
@@ -64,6 +66,47 @@ def test_error_control_follows_the_tolerance():
     assert errors[1] < 0.6 * errors[0]
     assert 2.2 < counts[1] / counts[0] < 4.5
     assert errors[0] < 0.01 * ends[-1].max()
+
+
+def test_shape_is_error_controlled_as_well():
+    """At low pressure the shape moves while c barely does: the step must follow the shape."""
+    config = replace(
+        QUICK, parameters=Parameters(D=0.4, v_p0=6.0, delta_P=1.0), initial=Initial(perturbation=0)
+    )
+    model, first = start(config)
+    r = first.state.r * [1.1, 0.95, 0.95]
+    r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
+    begin = replace(first, state=replace(first.state, r=r))
+    counts = []
+    for tolerance in (1e-3, 1e-5):
+        steps = list(evolve(model, begin, Time(end=2.0, tolerance=tolerance)))
+        counts.append(len(steps))
+    assert counts[1] > 2.5 * counts[0]
+
+
+def test_outcome_of_a_run_does_not_depend_on_the_tolerance():
+    for v_p0, polarized in ((5.9, True), (5.0, False)):
+        for tolerance in (1e-3, 1e-4):
+            config = Config(
+                parameters=Parameters(D=0.4, v_p0=v_p0),
+                mesh=Mesh(subdivisions=1),
+                time=Time(tolerance=tolerance),
+            )
+            _, steps = steps_of(config)
+            assert (np.ptp(steps[-1].state.c) > 5) == polarized
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        Parameters(delta_P=1e308),
+        Parameters(law="-v_p0/c"),
+        Parameters(R0=1e-200),
+    ],
+)
+def test_parameters_that_allow_no_start_are_refused(parameters):
+    with pytest.raises(InvalidInput):
+        start(replace(QUICK, parameters=parameters))
 
 
 def test_the_same_input_gives_the_same_bits():

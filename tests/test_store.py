@@ -90,20 +90,54 @@ def test_manifest_says_how_to_repeat_the_run(tmp_path):
 
 
 def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
-    _, _, whole = run_into(tmp_path / "whole")
-    run_into(tmp_path / "halves", stop_after=7)
+    config = replace(CONFIG, time=Time(end=2.0, tolerance=1e-4))
+    _, _, whole = run_into(tmp_path / "whole", config)
+    # resume where the error estimate, not the limit on growth, decides on the next step
+    run_into(tmp_path / "halves", config, stop_after=12)
     config = stored_config(tmp_path / "halves")
-    assert config == resolved(CONFIG)
+    assert config == resolved(replace(CONFIG, time=Time(end=2.0, tolerance=1e-4)))
     model = model_of(config)
     run, step = resumed_run(tmp_path / "halves", config, model)
-    assert step.number == 7
-    assert [row["step"] for row in run.rows] == list(range(8))
+    assert step.number == 12
+    assert [row["step"] for row in run.rows] == list(range(13))
     for step in evolve(model, step, config.time):
         run.append(step)
     assert step.number == whole.number
     assert np.array_equal(step.state.r, whole.state.r)
     assert np.array_equal(step.state.c, whole.state.c)
     assert step.state.zeta0 == whole.state.zeta0
+
+
+def test_rows_beyond_the_checkpoint_are_dropped(tmp_path):
+    """A run killed between the time series and the checkpoint."""
+    _, run, _ = run_into(tmp_path / "run", stop_after=3)
+    table = run.folder / "timeseries.csv"
+    rows = table.read_text().splitlines()
+    extra = ",".join(["4", *rows[-1].split(",")[1:]])
+    table.write_text("\n".join([*rows, extra]) + "\n")
+    resumed, _ = resumed_run(run.folder, run.config, run.model)
+    assert [row["step"] for row in resumed.rows] == [0, 1, 2, 3]
+    table.write_text("\n".join(rows[:-1]) + "\n")
+    with pytest.raises(InvalidInput, match="lacks step 3"):
+        resumed_run(run.folder, run.config, run.model)
+
+
+def test_a_changed_configuration_cannot_be_resumed(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    other = replace(run.config, parameters=run.config.parameters.replace(D=0.7))
+    with pytest.raises(InvalidInput, match=r"keeps \[parameters\]"):
+        resumed_run(run.folder, other, model_of(other))
+
+
+def test_a_checkpoint_with_nan_is_refused(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=1)
+    path = run.folder / "checkpoint.npz"
+    with np.load(path, allow_pickle=False) as data:
+        arrays = dict(data)
+    arrays["state_c"][3] = np.nan
+    np.savez(path, **arrays)
+    with pytest.raises(InvalidInput, match="not finite"):
+        resumed_run(run.folder, run.config, run.model)
 
 
 def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):

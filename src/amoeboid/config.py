@@ -18,6 +18,7 @@ from amoeboid.validation import (
     flag,
     integer,
     number,
+    toml_document,
     validate,
     vector,
 )
@@ -44,7 +45,7 @@ class Initial:
     perturbation: float = number(3.0, "amplitude of the initial polarization", "N/L^2")
     direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "its axis, towards the rear")
     noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
-    seed: int = integer(0, "seed of that noise", ge=0)
+    seed: int = integer(0, "seed of that noise", ge=0, le=2**63 - 1)
 
     def __post_init__(self) -> None:
         validate(self, "initial")
@@ -56,7 +57,7 @@ class Time:
 
     end: float = automatic("simulated time at which the run ends, 200/rate", "T", gt=0)
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
-    tolerance: float = number(1e-2, "error allowed in one step, relative to c0 and R0", gt=0)
+    tolerance: float = number(1e-3, "error allowed in one step, relative to c0 and R0", gt=0)
     max_step: float = automatic("longest time step, 0.5/rate", "T", gt=0)
     stop_when_steady: bool = flag(True, "end the run once nothing changes any more")
 
@@ -141,6 +142,8 @@ def with_settings(base: Config, settings: Iterable[str]) -> Config:
         if not equals or not path or not text.strip():
             raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
         section, dot, name = path.partition(".")
+        if dot and not (section and name):
+            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
         if not dot:
             section, name = "parameters", path
             if name not in PARAMETER_NAMES:
@@ -153,7 +156,7 @@ def with_settings(base: Config, settings: Iterable[str]) -> Config:
 def _value(text: str) -> Any:
     try:
         document = tomllib.loads(f"value = {text}")
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text
     return document["value"] if document.keys() == {"value"} else text
 
@@ -182,8 +185,4 @@ def config_to_toml(config: Config) -> str:
 
 def config_from_toml(text: str) -> Config:
     """A configuration from TOML text; what it leaves out keeps the default run's value."""
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(f"the configuration must be valid TOML: {error}") from None
-    return configured(Config(), document)
+    return configured(Config(), toml_document(text, "the configuration"))

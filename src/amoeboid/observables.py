@@ -11,7 +11,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.surface.geometry import area, geometry, volume, volume_centroid
+from amoeboid.surface import geometry
+from amoeboid.surface.geometry import area, volume, volume_centroid
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.surface.model import Flow, Model, State
 
@@ -71,7 +72,7 @@ def area_error(model: Model, state: State, flow: Flow) -> float:
 
 def filament_number(model: Model, state: State, flow: Flow) -> float:
     """Total number of filaments, the integral of c over the surface [N]."""
-    return float(geometry(state.r, model.mesh.faces).node_areas @ state.c)
+    return float(geometry.geometry(state.r, model.mesh.faces).node_areas @ state.c)
 
 
 def polarity(model: Model, state: State, flow: Flow) -> float:
@@ -81,7 +82,7 @@ def polarity(model: Model, state: State, flow: Flow) -> float:
 
 def polarization(model: Model, state: State) -> Array:
     """The vector of `polarity` (3,): from the front to the rear."""
-    weights = geometry(state.r, model.mesh.faces).node_areas * state.c
+    weights = geometry.geometry(state.r, model.mesh.faces).node_areas * state.c
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     return np.asarray(weights @ x / (weights.sum() * model.parameters.R0))
 
@@ -100,11 +101,8 @@ def reduced_volume(model: Model, state: State, flow: Flow) -> float:
 
 
 def mesh_quality(model: Model, state: State, flow: Flow) -> float:
-    """Smallest triangle quality, 4 sqrt(3) area / (sum of squared edges): 1 is equilateral."""
-    corners = state.r[model.mesh.faces]
-    edges = corners - np.roll(corners, 1, axis=1)
-    areas = geometry(state.r, model.mesh.faces).face_areas
-    return float((4 * np.sqrt(3) * areas / np.einsum("fai,fai->f", edges, edges)).min())
+    """Quality of the worst triangle: 1 is equilateral, 0 is degenerate."""
+    return geometry.mesh_quality(state.r, model.mesh.faces)
 
 
 Observable = Callable[[Model, State, Flow], float]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import tomllib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from difflib import get_close_matches
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array, Exponential, Law
 from amoeboid.polymerization import law as law_from
-from amoeboid.validation import InvalidInput, number, validate
+from amoeboid.validation import InvalidInput, number, toml_document, validate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,7 +55,11 @@ class Parameters:
         The unit in which fast, slow and steady are measured. Raises InvalidInput if nothing
         ever happens.
         """
-        rates = (self.beta, self.D / self.R0**2, abs(float(self.v_p(self.c0))) / self.R0)
+        rates = (self.beta, self.D / self.R0 / self.R0, abs(float(self.v_p(self.c0))) / self.R0)
+        if not math.isfinite(max(rates)):
+            raise InvalidInput(
+                f"beta, D/R0^2 and v_p(c0)/R0 must be finite, got {', '.join(map(str, rates))}"
+            )
         if max(rates) == 0.0:
             raise InvalidInput(
                 "nothing would ever change: one of beta, D and v_p(c0) must be > 0, all are 0"
@@ -92,10 +96,7 @@ def parameters_to_toml(p: Parameters) -> str:
 
 def parameters_from_toml(text: str) -> Parameters:
     """Parameters from TOML text. Raises InvalidInput if it is not valid TOML."""
-    try:
-        return parameters_from(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidInput(f"the parameters must be valid TOML: {error}") from None
+    return parameters_from(toml_document(text, "the parameters"))
 
 
 def _refuse_unknown(mapping: Mapping[str, Any]) -> None:

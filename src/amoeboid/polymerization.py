@@ -135,6 +135,8 @@ class Custom(Law):
 
     def _tree(self) -> ast.expr:
         text = self.expression
+        if not text.isascii() or not text.isprintable() or "#" in text:
+            raise InvalidInput(f"law must be plain arithmetic in ASCII, got {text!r}")
         if len(text) > MAX_EXPRESSION_LENGTH:
             raise InvalidInput(
                 f"law must have at most {MAX_EXPRESSION_LENGTH} characters, got {len(text)}"

@@ -19,6 +19,7 @@ from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import growth_rate
+from amoeboid.validation import InvalidInput
 
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 SHORTEST_STEP = 1e-7
@@ -31,8 +32,8 @@ class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
     `rate` is the largest relative rate of change of shape and concentration in units of
-    model.rate; `steady` if it vanishes and is not the slow start of an instability; `ended` says
-    why the run ends here, None if it goes on.
+    model.rate; `steady` if it vanishes and does not grow, as it does at the slow start of an
+    instability; `ended` says why the run ends here, None if it goes on.
     """
 
     number: int
@@ -59,13 +60,27 @@ class Diverged(ArithmeticError):
 
 
 def start(config: Config) -> tuple[Model, Step]:
-    """The model and the initial step of a configuration. Raises InvalidInput."""
+    """The model and the initial step of a configuration.
+
+    Raises InvalidInput, also for parameters so extreme that not even the initial state exists.
+    """
     config = resolved(config)
+    try:
+        with np.errstate(over="raise", invalid="raise", divide="raise"):
+            return _started(config)
+    except (StepFailed, SingularMatrix, FloatingPointError) as error:
+        raise InvalidInput(
+            f"the parameters must allow a cell at rest to start from, these do not: {error}"
+        ) from None
+
+
+def _started(config: Config) -> tuple[Model, Step]:
     model, rest = sphere(config.parameters, config.mesh.subdivisions)
     state = perturbed(model, rest, config.initial)
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
-    return model, Step(0, state, flow, None, dt, 0, *_rate(model, state, flow))
+    rate, steady = _rate(model, state, flow)
+    return model, Step(0, state, flow, None, dt / max(1.0, rate), 0, rate, steady)
 
 
 def model_of(config: Config) -> Model:
@@ -126,7 +141,8 @@ def _next(model: Model, step: Step, time: Time) -> Step:
         grown = min(time.max_step, float(factor) * length)
         # a last step cut short by time.end says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
-        rate, steady = _rate(model, state, flow)
+        rate, still = _rate(model, state, flow)
+        steady = still and rate <= step.rate
         return Step(step.number + 1, state, flow, step.state, next_dt, rejected, rate, steady)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
 
@@ -146,14 +162,14 @@ def _error(model: Model, step: Step, new: State) -> float:
 
 
 def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
-    """Largest relative rate of change, in units of model.rate, and whether the state is steady."""
+    """Largest relative rate of change, in units of model.rate, and whether that is none."""
     p = model.parameters
     g = geometry(state.r, model.mesh.faces)
     c_rate = rate_of_change(model, state.c, g, flow.v)
     v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
     c_scale = max(p.c0, np.abs(state.c).max())
     rate = float(max(np.abs(c_rate).max() / c_scale, np.abs(v_n).max() / p.R0) / model.rate)
-    # A small polarization that grows at lambda_1 also changes slowly: it is not steady.
+    # A small polarization that grows at lambda_1 also changes slowly.
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = float(growth_rate(p, 1)) * amplitude / model.rate

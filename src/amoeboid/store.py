@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import os
 import platform
@@ -45,7 +46,7 @@ _FRAME_NAME = re.compile(r"frame_\d{5,}\.vtp")
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
     """Let `write` make a file under a temporary name beside `path`, then rename it."""
-    temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
         write(temporary)
         os.replace(temporary, path)
@@ -62,6 +63,14 @@ def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+def text_of(path: Path) -> str:
+    """A text file in UTF-8, with or without byte order mark. Raises InvalidInput, OSError."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{str(path)!r} must be a text file in UTF-8") from None
+
+
 class Run:
     """A run's folder, open for appending. Made by `new_run` or `resumed_run`."""
 
@@ -71,6 +80,11 @@ class Run:
         self.model = model
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
+
+    def begin(self) -> None:
+        """Write the configuration and a manifest that says the run is under way."""
+        write_text(self.folder / "config.toml", config_to_toml(self.config))
+        self.write_manifest("running")
 
     def append(self, step: Step) -> dict[str, float]:
         """Take up one step; returns its row of the time series."""
@@ -101,9 +115,7 @@ class Run:
         self.frame_times.append((step.state.t, name))
         write_text(self.folder / "frames.pvd", _collection(self.frame_times))
         write_text(self.folder / "timeseries.csv", _table(self.rows))
-        write_atomically(
-            self.folder / "checkpoint.npz", lambda p: _write_checkpoint(p, step, self.frame_times)
-        )
+        write_atomically(self.folder / "checkpoint.npz", lambda p: _write_checkpoint(p, self, step))
 
     def write_manifest(self, status: str, **more: Any) -> None:
         """Write manifest.json; `status` is running, finished, interrupted or diverged."""
@@ -127,10 +139,7 @@ def new_folder(requested: Path | None) -> Path:
     Raises InvalidInput if `requested` already holds something or cannot be made.
     """
     if requested is None:
-        requested, count = Path("amoeboid-run"), 1
-        while requested.exists():
-            count += 1
-            requested = Path(f"amoeboid-run-{count}")
+        return _numbered_folder()
     if requested.exists() and (not requested.is_dir() or any(requested.iterdir())):
         raise InvalidInput(
             f"the output folder must be new or empty, {str(requested)!r} is not; "
@@ -143,11 +152,23 @@ def new_folder(requested: Path | None) -> Path:
     return requested
 
 
+def _numbered_folder() -> Path:
+    names = (f"amoeboid-run-{count}" for count in itertools.count(2))
+    for name in itertools.chain(["amoeboid-run"], names):
+        try:
+            Path(name).mkdir()
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InvalidInput(f"the output folder cannot be made: {error}") from None
+        break
+    return Path(name)
+
+
 def new_run(folder: Path, config: Config, model: Model) -> Run:
     """Start a run in an empty folder."""
     run = Run(folder, config, model)
-    write_text(folder / "config.toml", config_to_toml(run.config))
-    run.write_manifest("running")
+    run.begin()
     return run
 
 
@@ -158,23 +179,30 @@ def stored_config(folder: Path) -> Config:
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    return config_from_toml(path.read_text(encoding="utf-8"))
+    return config_from_toml(text_of(path))
 
 
 def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
-    """A stored run, ready to go on, and the step it stopped at. Raises InvalidInput."""
+    """A stored run, ready to go on, and the step it stopped at; writes nothing.
+
+    Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
+    """
     path = folder / "checkpoint.npz"
     if not path.is_file():
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
     try:
-        step, frame_times = _read_checkpoint(path, model)
+        made_with, step, frame_times = _read_checkpoint(path, model)
         rows = _read_table(folder / "timeseries.csv", step.number)
     except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
+    for section in ("parameters", "mesh", "initial"):
+        if getattr(config, section) != getattr(made_with, section):
+            raise InvalidInput(
+                f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
+                "start a new run for the rest"
+            )
     run = Run(folder, config, model)
     run.rows, run.frame_times = rows, frame_times
-    write_text(folder / "config.toml", config_to_toml(run.config))
-    run.write_manifest("running")
     return run, step
 
 
@@ -253,16 +281,20 @@ def _read_table(path: Path, last_step: int) -> list[dict[str, float]]:
         table = list(csv.DictReader(file))
     whole = {"step", "rejected"}
     rows = [{k: int(v) if k in whole else float(v) for k, v in row.items()} for row in table]
-    return [row for row in rows if row["step"] <= last_step]
+    rows = [row for row in rows if row["step"] <= last_step]
+    if not rows or rows[-1]["step"] != last_step:
+        raise ValueError(f"timeseries.csv lacks step {last_step} of the checkpoint")
+    return rows
 
 
-def _write_checkpoint(path: Path, step: Step, frame_times: list[tuple[float, str]]) -> None:
+def _write_checkpoint(path: Path, run: Run, step: Step) -> None:
     arrays = {
+        "config": np.array(config_to_toml(run.config)),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
         "steady": np.array(step.steady),
-        "frame_times": np.array([t for t, _ in frame_times]),
-        "frame_names": np.array([name for _, name in frame_times]),
+        "frame_times": np.array([t for t, _ in run.frame_times]),
+        "frame_names": np.array([name for _, name in run.frame_times]),
         **_packed("state", step.state),
         **({} if step.previous is None else _packed("previous", step.previous)),
         "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
@@ -287,12 +319,15 @@ def _unpacked(name: str, data: Any, n_nodes: int) -> State:
     r, c = data[f"{name}_r"], data[f"{name}_c"]
     if r.shape != (n_nodes, 3) or c.shape != (n_nodes,):
         raise ValueError(f"the checkpoint has {len(c)} nodes, the mesh of the run {n_nodes}")
+    if not (np.isfinite([t, zeta0]).all() and np.isfinite(r).all() and c.min() >= 0):
+        raise ValueError("the checkpoint holds values that are not finite, or negative c")
     return State(float(t), r, c, float(zeta0), data[f"{name}_position"])
 
 
-def _read_checkpoint(path: Path, model: Model) -> tuple[Step, list[tuple[float, str]]]:
+def _read_checkpoint(path: Path, model: Model) -> tuple[Config, Step, list[tuple[float, str]]]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
         n = model.mesh.n_nodes
+        made_with = config_from_toml(str(data["config"]))
         v_c, v_p, normals = data["flow_vectors"]
         flow = Flow(v_c, v_p, float(data["flow_zeta0"]), normals, data["flow_areas"])
         number, rejected = (int(x) for x in data["step"])
@@ -305,4 +340,4 @@ def _read_checkpoint(path: Path, model: Model) -> tuple[Step, list[tuple[float, 
     if not all(_FRAME_NAME.fullmatch(name) for name in names):
         raise ValueError("a frame name in the checkpoint is not one of this program's")
     step = Step(number, state, flow, previous, next_dt, rejected, rate, steady)
-    return step, list(zip(times, names, strict=True))
+    return made_with, step, list(zip(times, names, strict=True))

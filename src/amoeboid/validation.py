@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from dataclasses import Field, field, fields
 from numbers import Integral, Real
 from typing import Any
@@ -77,6 +78,16 @@ def validate(instance: Any, section: str = "") -> None:
             object.__setattr__(instance, f.name, checked)
 
 
+def toml_document(text: str, what: str) -> dict[str, Any]:
+    """The tables of a TOML text. Raises InvalidInput, naming `what`, if it is not valid TOML."""
+    try:
+        return tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, ValueError) as error:
+        raise InvalidInput(f"{what} must be valid TOML: {error}") from None
+    except RecursionError:
+        raise InvalidInput(f"{what} must be valid TOML: it is nested too deeply") from None
+
+
 def rule(f: Field[Any]) -> str:
     """What a declared field accepts, in words."""
     kind = f.metadata["kind"]
@@ -116,9 +127,10 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
         raise problem
     try:
         converted = kind(value)
+        finite = math.isfinite(converted)
     except OverflowError:
         raise problem from None
-    if not math.isfinite(converted):
+    if not finite:
         raise problem
     bounds = f.metadata["bounds"]
     if (
@@ -136,10 +148,14 @@ def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, fl
     except TypeError:
         raise problem from None
     if len(components) != 3 or any(
-        isinstance(x, bool) or not isinstance(x, Real) or not math.isfinite(x) for x in components
+        isinstance(x, bool) or not isinstance(x, Real) for x in components
     ):
         raise problem
-    x, y, z = (float(v) for v in components)
-    if x == y == z == 0.0:
+    try:
+        x, y, z = (float(v) for v in components)
+    except OverflowError:
+        raise problem from None
+    # the length must be a normal number, so that a direction can be made of it
+    if not math.isfinite(x * x + y * y + z * z) or math.hypot(x, y, z) < 1e-150:
         raise problem
     return x, y, z

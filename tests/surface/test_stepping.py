@@ -9,11 +9,14 @@ from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.observables import filament_number, observed
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
+from amoeboid.surface import stepping
 from amoeboid.surface.geometry import area, volume_centroid
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.model import Model
-from amoeboid.surface.stepping import semi_implicit_step
+from amoeboid.surface.model import Model, State
+from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
 POLARIZED = Parameters(D=0.4, v_p0=6.0)
@@ -117,6 +120,56 @@ def test_area_and_without_turnover_filaments_are_kept_over_a_whole_run(
         assert area(step.state.r, model.mesh.faces) == pytest.approx(model.A0, rel=1e-12)
         found = filament_number(model, step.state, step.flow)
         assert found == pytest.approx(number, rel=1e-12)
+
+
+def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
+    """A disturbed mesh drifts back so fast that no filament moves: c at a place must stay."""
+    monkeypatch.setattr(stepping, "MESH_RELAXATION", 1e5)
+    p = Parameters(beta=0, D=0, v_p0=0.1, law="v_p0 + 0*c")
+    ratios = []
+    for subdivisions in (2, 3, 4):
+        r, faces = even_icosphere(subdivisions)
+        x, y, z = r.T
+        disturbed = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
+        disturbed /= np.linalg.norm(disturbed, axis=1, keepdims=True)
+        model = Model(p, connectivity(faces))
+        disturbed *= np.sqrt(model.A0 / area(disturbed, faces))
+
+        def field(x):
+            return 3 + x[:, 2] + 0.5 * x[:, 0] * x[:, 1]
+
+        state = State(0.0, disturbed, field(disturbed), float(base_tension(p)), np.zeros(3))
+        for _ in range(40):
+            state, _ = semi_implicit_step(model, state, 5e-6 / model.rate)
+        left_behind = np.sqrt(np.mean((field(state.r) - field(disturbed)) ** 2))
+        error = np.sqrt(np.mean((state.c - field(state.r)) ** 2))
+        ratios.append(error / left_behind)
+        print(left_behind, error)
+    assert max(ratios) < 0.35
+    assert ratios[-1] < ratios[0]
+
+
+def test_the_cell_advances_as_fast_as_its_cortex_flows_back():
+    """Lab frame: the mean cortex rests. The cell moves at minus the mean v_c of its own frame."""
+    config = Config(parameters=POLARIZED, mesh=Mesh(subdivisions=2))
+    model, first = start(config)
+    steps = list(evolve(model, first, config.time))
+    last, before = steps[-1], steps[-2]
+    velocity = (last.state.position - before.state.position) / last.dt
+    flow = last.flow
+    expected = -(flow.node_areas @ flow.v_c) / flow.node_areas.sum()
+    np.testing.assert_allclose(velocity, expected, rtol=1e-6, atol=1e-9)
+    # of the order of the retrograde speed, towards the front
+    assert 0.5 < -velocity[2] / observed(model, last.state, flow)["max_retrograde_speed"] < 1.2
+
+
+@pytest.mark.parametrize("delta_P", [0.0, 0.05, 1.0, 300.0])
+def test_a_homogeneous_cell_starts_at_rest_at_any_pressure(delta_P):
+    p = Parameters(D=0.4, v_p0=6.0, delta_P=delta_P)
+    model, rest = sphere(p, 2)
+    flow = flow_of(model, rest, 0.1)
+    assert np.abs(flow.v).max() < 5e-3 * p.v_p(p.c0)
+    assert flow.zeta0 == pytest.approx(float(base_tension(p)), rel=0.02)
 
 
 def test_units_do_not_matter():

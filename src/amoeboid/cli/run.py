@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "config",
         nargs="?",
-        type=Path,
+        type=_path,
         metavar="CONFIG.toml",
         help="sections [parameters] [mesh] [initial] [time] [output]; what it leaves out keeps its "
         "default",
@@ -39,12 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=Path,
+        type=_path,
         metavar="DIR",
         help="folder to write to, new or empty (default: amoeboid-run, or the next free number)",
     )
     parser.add_argument(
-        "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
+        "--resume", type=_path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
     )
     add_settings(parser)
     parser.epilog = (
@@ -52,6 +52,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "exit codes: 0 finished, 1 diverged (the last good frame is kept), 2 wrong input,\n"
         "130 interrupted (go on with --resume)"
     )
+
+
+def _path(text: str) -> Path:
+    if not text.strip():
+        raise argparse.ArgumentTypeError("a path must not be empty")
+    return Path(text)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -84,17 +90,13 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:
+    from amoeboid.simulation import start
+    from amoeboid.store import new_folder, new_run, text_of
+
     config = Config()
     if args.config is not None:
-        try:
-            config = config_from_toml(args.config.read_text(encoding="utf-8"))
-        except UnicodeDecodeError:
-            raise InvalidInput(f"{str(args.config)!r} must be a text file in UTF-8") from None
+        config = config_from_toml(text_of(args.config))
     config = with_settings(config, args.settings)
-
-    from amoeboid.simulation import start
-    from amoeboid.store import new_folder, new_run
-
     model, first = start(config)
     run = new_run(new_folder(args.output), config, model)
     run.append(first)
@@ -106,14 +108,7 @@ def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
     from amoeboid.simulation import model_of
     from amoeboid.store import resumed_run, stored_config
 
-    before = stored_config(args.resume)
-    config = with_settings(before, args.settings)
-    for section in ("parameters", "mesh", "initial"):
-        if getattr(config, section) != getattr(before, section):
-            raise InvalidInput(
-                f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
-                "start a new run for the rest"
-            )
+    config = with_settings(stored_config(args.resume), args.settings)
     model = model_of(config)
     run, first = resumed_run(args.resume, config, model)
     if first.steady and config.time.stop_when_steady:
@@ -126,6 +121,7 @@ def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
             f"the run in {str(args.resume)!r} has reached time.end = {run.config.time.end:g}; "
             "to go on, --set time.end to a later time"
         )
+    run.begin()
     return model, run, first
 
 
@@ -143,6 +139,11 @@ def _simulate(model: Model, run: Run, first: Step) -> tuple[Step, str, str]:
                     run.save(step)
     except Diverged as error:
         status, why = "diverged", str(error)
+    except OSError as error:
+        # the disk may be full: say so in the folder if that is still possible
+        with suppress(OSError):
+            run.write_manifest("failed", ended=str(error), t=last.state.t)
+        raise
     if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
     if run.frame_times[-1][0] < last.state.t:
@@ -229,6 +230,8 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         table.add_row(name, f"{summary[name]:.6g}", meaning)
     console = Console()
     console.print(table)
+    if not last.steady:
+        console.print("the state is not steady: it still changes, or grows slowly from rest")
     console.print(
         f"{why} at t = {last.state.t:.4g}, {summary['steps']} steps, {summary['wall_s']:.2f} s",
         highlight=False,

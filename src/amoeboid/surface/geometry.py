@@ -105,6 +105,14 @@ def volume_centroid(r: Array, faces: Index) -> Array:
     return np.asarray(tetrahedra @ (a + b + c) / (4.0 * tetrahedra.sum()))
 
 
+def mesh_quality(r: Array, faces: Index) -> float:
+    """Smallest triangle quality, 4 sqrt(3) area / (sum of squared edges): 1 is equilateral."""
+    corners = r[faces]
+    edges = corners - np.roll(corners, 1, axis=1)
+    areas = np.linalg.norm(face_vectors(r, faces), axis=1)
+    return float((4 * np.sqrt(3) * areas / np.einsum("fai,fai->f", edges, edges)).min())
+
+
 def weighted_area_gradient(g: Geometry, faces: Index, weights: Array) -> Array:
     """Derivative of sum_f weights[f] area_f with respect to the nodes, (V, 3) [weight length]."""
     contributions = (weights * g.face_areas)[:, None, None] * g.gradients

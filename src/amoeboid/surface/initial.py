@@ -28,6 +28,10 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     The polyhedron has the area 4 pi R0^2 exactly. Raises InvalidInput where the law is not
     defined at c0.
     """
+    if p.v_p(p.c0) < 0:
+        raise InvalidInput(
+            f"the law must give v_p(c0) >= 0 (filaments push the membrane), got {p.v_p(p.c0):.4g}"
+        )
     r, faces = even_icosphere(subdivisions)
     model = Model(p, connectivity(faces))
     r = r * np.sqrt(model.A0 / area(r, faces))

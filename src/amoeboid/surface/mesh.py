@@ -49,7 +49,7 @@ class Connectivity:
 
 
 def connectivity(faces: Index) -> Connectivity:
-    """The connectivity of a closed, oriented, connected triangulation without handles or not.
+    """The connectivity of a closed, oriented, connected triangulation.
 
     Raises InvalidInput if an edge does not belong to exactly two triangles that run along it in
     opposite directions, if a node is not used, or if the surface falls apart.

@@ -1,0 +1,39 @@
+"""The README's commands and Python lines do what they say, on a small mesh."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from amoeboid.cli.main import main
+
+README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
+COMMANDS = [
+    shlex.split(line, comments=True)[1:]
+    for kind, block in BLOCKS
+    for line in block.splitlines()
+    if kind == "sh" and line.startswith("amoeboid ")
+]
+RUNS = [c for c in COMMANDS if c[0] == "run" and "--resume" not in c and "--help" not in c]
+
+
+@pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
+def test_runs_of_the_readme_finish(arguments, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main([*arguments, "--set", "mesh.subdivisions=2", "--json"]) == 0
+
+
+def test_the_python_lines_of_the_readme_run(capsys):
+    (code,) = [block for kind, block in BLOCKS if kind == "python"]
+    exec(compile(code, "README.md", "exec"), {})  # noqa: S102  (our own file)
+    assert capsys.readouterr().out.startswith("steady {'max_retrograde_speed': 1.83")
+
+
+def test_the_readme_has_its_two_lines():
+    lines = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+    setups = [line for line in lines if line.startswith("python3 -m venv")]
+    assert len(setups) == 2
+    assert setups[0].endswith("amoeboid run")
+    assert setups[1].endswith("pytest")
