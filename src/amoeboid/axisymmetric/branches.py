@@ -25,11 +25,10 @@ from amoeboid.numerics.continuation import (
     Options,
     Point,
     Stalled,
-    at_distance,
     at_parameter,
     follow,
     located,
-    started,
+    through,
 )
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
@@ -146,10 +145,7 @@ def branch_from_state(
     size = max(abs(value), window.high - window.low)
     chosen = options or Options(parameter_scale=size)
     system = SteadySystem(p, state.n, (name,))
-    start = started(system, state.x, value, np.zeros(state.x.size), direction, chosen)
-    first = at_distance(start, 0.0, chosen)
-    if first is None:
-        raise InvalidInput(f"the branch cannot be followed in {name}; choose another parameter")
+    first = through(system, state.x, value, direction, chosen)
     branch = trace(p, name, first, window, chosen, None)
     points = (branch_point(first, p, name), *branch.points)
     return Branch(name, points, branch.folds, branch.crossings, None, branch.message)

@@ -271,7 +271,7 @@ def evolve(
 
 
 def settled(
-    p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-11
+    p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
 ) -> Instant:
     """The last instant of an evolution: steady to `rate`, or at time `end`."""
     last = None

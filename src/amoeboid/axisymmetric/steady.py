@@ -233,9 +233,11 @@ class SteadyState:
 
     @property
     def deformation(self) -> float:
-        """Length over width of the meridian less one; zero for a sphere."""
-        r, z = self.outline()
-        return float((z[0] - z[-1]) / (2 * r.max()) - 1.0)
+        """Largest deviation of the distance from the center of volume from R0, over R0."""
+        r, z = self.outline(2001)
+        slices = r**2
+        center = np.trapezoid(z * slices, z) / np.trapezoid(slices, z)
+        return float(np.max(np.abs(np.hypot(r, z - center) / self.parameters.R0 - 1.0)))
 
 
 def series_maximum(coefficients: Array) -> float:

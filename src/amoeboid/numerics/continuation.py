@@ -259,3 +259,17 @@ def started(
     if not norm > 0:
         raise InvalidInput("the direction in which to leave the start must not be zero")
     return Point(system, x, parameter, towards / norm, direction / norm)
+
+
+def through(
+    system: System, x: Array, parameter: float, direction: float, options: Options
+) -> Point:
+    """The solution near x with the tangent of the branch, the parameter growing if direction > 0.
+
+    Raises Stalled if there is no solution, or no single branch, near x.
+    """
+    guess = started(system, x, parameter, np.zeros(x.size), direction, options)
+    found = at_distance(guess, 0.0, options)
+    if found is None:
+        raise Stalled(f"no single branch passes through parameter = {parameter:.10g}")
+    return found
