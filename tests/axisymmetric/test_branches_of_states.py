@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from theory_formulas import critical_speed, growth_rate_1, nu
+from theory_formulas import critical_speed, growth_rate_1, matrix, nu
 
 from amoeboid.axisymmetric.branches import (
     Window,
@@ -12,7 +12,8 @@ from amoeboid.axisymmetric.branches import (
 )
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
 from amoeboid.axisymmetric.stability import growth_rates
-from amoeboid.axisymmetric.steady import SteadySystem, split, strong_residual
+from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
+from amoeboid.axisymmetric.unknowns import split
 from amoeboid.numerics.continuation import Options, at_distance, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import FoldSystem, fold_unknowns
@@ -200,6 +201,27 @@ def test_a_branch_in_another_parameter_and_its_heading():
     assert softer.points[-1].state.max_retrograde_speed == pytest.approx(
         direct.max_retrograde_speed, rel=1e-9
     )
+
+
+def test_a_hopf_point_is_located_where_the_theory_has_it():
+    """A steep law on a soft sphere: l = 2 starts to oscillate where the trace of its matrix is 0.
+
+    With R0 = eta_s = eta_b = 1: -6 D - beta - 2 c0 f_1 - f_0 - delta_P = 0, f_1 = -f_0/s.
+    """
+    s = 0.0375
+    p = Parameters(law=f"v_p0*exp(-(c - 3)/{s})", delta_P=0.12, v_p0=0.004)
+    branch = branch_from_state(
+        homogeneous(p), "v_p0", Window(0.004, 0.0083), 1.0, Options(parameter_scale=0.004)
+    )
+    hopf = (6 * p.D + p.beta + p.delta_P) / (2 * p.c0 / s - 1)
+    pitchfork = (2 * p.D + p.beta) / (2 * p.c0 / s)
+    block = matrix(p.replace(v_p0=hopf), 2)
+    assert np.linalg.det(block) > 0
+    for m in (0, 1, 2):
+        found = {c.oscillating: c.at.value for c in branch.crossings if c.m == m}
+        assert found[True] == pytest.approx(hopf, abs=1e-8)
+        assert m == 2 or found[False] == pytest.approx(pitchfork, abs=1e-8)
+    assert not [c for c in branch.crossings if c.m == 3]
 
 
 def test_an_unresolvable_branch_says_so(monkeypatch):

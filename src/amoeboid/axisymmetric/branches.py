@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -249,51 +248,79 @@ def _crossing(
     return Crossing(m, bool(abs(at.rates[m][k].imag) > 1e-6 * abs(at.rates[m][-1])), at)
 
 
+@dataclass(frozen=True)
+class Search:
+    """The states found at one parameter point, slowest first; `problems` says what got in the way.
+
+    A problem means that a branch could not be followed to its end: states on it may be missing.
+    """
+
+    states: tuple[SteadyState, ...]
+    problems: tuple[str, ...]
+
+
 def steady_states(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> tuple[SteadyState, ...]:
-    """All steady states found at one parameter point, the homogeneous one first.
+    """All steady states that `search` finds, the homogeneous one first."""
+    return search(p, degrees).states
+
+
+def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
+    """Look for all steady states at one parameter point.
 
     They are the crossings of v_p0 = p.v_p0 with the branches that modes l of the homogeneous sphere
-    send out in v_p0, mirror images left out, slowest first; branches without any connection to
-    the sphere are not found.
+    send out in v_p0, each followed until it rises beyond p.v_p0, mirror images left out; states
+    without such a connection to the sphere are not found.
     """
-    found = [homogeneous(p)]
+    found, problems = [homogeneous(p)], []
     for l in degrees:  # noqa: E741
         for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
-            found.extend(_crossed(p, l, sign))
+            states, problem = _crossed(p, l, sign)
+            found.extend(states)
+            if problem:
+                problems.append(f"branch of l = {l}: {problem}")
     distinct: list[SteadyState] = []
     for state in found:
         if not any(_same(state, other) for other in distinct):
             distinct.append(state)
-    return tuple(sorted(distinct, key=lambda s: s.max_retrograde_speed))
+    ordered = sorted(distinct, key=lambda s: s.max_retrograde_speed)
+    return Search(tuple(ordered), tuple(problems))
 
 
-def _crossed(p: Parameters, l: int, sign: float) -> Iterator[SteadyState]:  # noqa: E741
-    """The states at p on the branch that mode l sends out in v_p0."""
+def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str]:  # noqa: E741
+    """The states at p on the branch that mode l sends out in v_p0, and what stopped the search."""
+    found: list[SteadyState] = []
+    problem = ""
     threshold = onset_speed(p, l)
     if threshold is None:
-        return
+        return found, problem
     options = Options(parameter_scale=threshold, max_step=0.5, angle=0.2, max_points=150)
-    high = 1.05 * max(threshold, p.v_p0)
-    before = departure(p, "v_p0", threshold, options, sign=sign)
     try:
+        before = departure(p, "v_p0", threshold, options, sign=sign)
         for point in follow(before, options):
+            if point.fold:
+                continue
             low_, high_ = sorted((before.parameter, point.parameter))
-            if low_ < p.v_p0 <= high_ or low_ <= p.v_p0 < high_:
-                yield from _interpolated(p, before, point)
-            if point.parameter > high or point.parameter < 0:
-                return
+            if low_ <= p.v_p0 <= high_ and before.parameter != p.v_p0:
+                state = interpolated_state(p, before, point)
+                if state.converged:
+                    found.append(state)
+                elif abs(p.v_p0 - threshold) > 1e-6 * threshold:
+                    problem = state.message
+            upwards = point.parameter_tangent > 0 and point.parameter > 1.05 * p.v_p0
+            if upwards or point.parameter <= 0:
+                return found, problem
             before = point
-    except (Stalled, InvalidInput):
-        return
+    except (Stalled, InvalidInput) as stop:
+        return found, str(stop)
+    return found, f"not finished after {options.max_points} points"
 
 
-def _interpolated(p: Parameters, a: Point, b: Point) -> Iterator[SteadyState]:
+def interpolated_state(p: Parameters, a: Point, b: Point) -> SteadyState:
+    """The steady state at p between neighbours a and b of a branch in v_p0, by Newton's method."""
     n = (b.x.size - 3) // 3
     x = resampled(a.x, (a.x.size - 3) // 3, n)
     share = (p.v_p0 - a.parameter) / (b.parameter - a.parameter)
-    state = steady_state(p, SteadyState(p, n, x + share * (b.x - x), False, ()))
-    if state.converged:
-        yield state
+    return steady_state(p, SteadyState(p, n, x + share * (b.x - x), False, ()))
 
 
 def _same(a: SteadyState, b: SteadyState) -> bool:
@@ -301,6 +328,5 @@ def _same(a: SteadyState, b: SteadyState) -> bool:
     n = max(a.n, b.n)
     first, second = (split(resampled(s.x, s.n, n), n)[2] for s in (a, b))
     mirrored = second * (-1.0) ** np.arange(n)
-    return bool(
-        min(np.abs(first - second).max(), np.abs(first - mirrored).max()) < 1e-6 * a.parameters.c0
-    )
+    nearest = min(np.abs(first - second).max(), np.abs(first - mirrored).max())
+    return bool(nearest < 1e-6 * np.abs(first).max())

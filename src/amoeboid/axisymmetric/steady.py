@@ -221,11 +221,14 @@ class SteadyState:
         """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
         fine = grid(2 * self.n)
         psi = fields_of(resampled(self.x, self.n, fine.n), fine.n).psi
-        runs, rises = fine.to_even @ np.cos(psi), fine.to_even @ np.sin(psi)
-        k = np.arange(1, fine.n)
-        sines = np.sin(np.outer(x, k)) / k
-        scale = self.length_scale
-        return scale * (sines @ runs[1:]), scale * (rises[0] * (np.pi / 2 - x) - sines @ rises[1:])
+        k = np.arange(1, fine.n + 1)
+        phases = np.outer(x, k)
+        runs = np.append((fine.to_even @ np.cos(psi))[1:], 0.0) / k
+        rises = (fine.to_odd @ np.sin(psi)) / k
+        middle = np.sum(rises[1::2])  # the mean of z at the two poles becomes zero
+        return self.length_scale * (np.sin(phases) @ runs), self.length_scale * (
+            np.cos(phases) @ rises - middle
+        )
 
     def outline(self, count: int = 400) -> tuple[Array, Array]:
         """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""

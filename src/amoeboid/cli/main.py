@@ -13,6 +13,9 @@ from amoeboid.validation import InvalidInput
 # its heavy imports belong into execute, so that --help stays quick.
 COMMANDS = {
     "run": "a 3D simulation; with no argument, figure 3D of the paper",
+    "steady": "all axisymmetric steady states found at one parameter point, with stability",
+    "branch": "continuation of the polarized state: points, folds, branch points, stability",
+    "phase-diagram": "super/subcritical boundary and the bistable region",
 }
 
 USER_MISTAKE = 2

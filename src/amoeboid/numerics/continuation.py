@@ -8,7 +8,9 @@ parameter in units of `parameter_scale`. Source: Keller, in *Applications of Bif
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -222,21 +224,53 @@ def located(
     options: Options,
     fold: bool = False,
 ) -> Point:
-    """The point between neighbours a and b of a branch where `test` changes sign."""
-    known = {0.0: a, b.length - a.length: b}
+    """The point between neighbours a and b of a branch where `test` changes sign.
+
+    Newton's method has no chance at a point where branches cross; there the test is interpolated
+    between points just beside it. Raises Stalled if those cannot be reached either.
+    """
+    span = b.length - a.length
+    known = {0.0: (a, test(a)), span: (b, test(b))}
+    missed: list[float] = []
 
     def at(distance: float) -> float:
         if distance not in known:
             found = at_distance(a, distance, options)
             if found is None:
+                missed.append(distance)
                 raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
-            known[distance] = found
-        return test(known[distance])
+            known[distance] = found, test(found)
+        return known[distance][1]
 
-    span = b.length - a.length
-    root = brentq(at, 0.0, span, xtol=1e-9 * span, rtol=1e-13)
-    at(root)
-    return replace(known[root], fold=fold)
+    try:
+        root = brentq(at, 0.0, span, xtol=1e-9 * span, rtol=1e-13)
+        at(root)
+        point = known[root][0]
+    except Stalled:
+        for width in (1e-5, 1e-4, 1e-3):
+            with suppress(Stalled):
+                at(max(missed[0] - width * span, 0.0))
+                at(min(missed[0] + width * span, span))
+                break
+        point = _interpolated(known, 2.1e-3 * span)
+    return replace(point, fold=fold)
+
+
+def _interpolated(known: dict[float, tuple[Point, float]], widest: float) -> Point:
+    """The zero of the straight line through the narrowest bracket of known test values."""
+    ordered = sorted(known)
+    brackets = [(q - p, p, q) for p, q in pairwise(ordered) if known[p][1] * known[q][1] <= 0]
+    width, left, right = min(brackets)
+    (a, f), (b, g) = known[left], known[right]
+    if width > widest:
+        raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
+    share = f / (f - g) if f != g else 0.0
+    return replace(
+        a,
+        x=a.x + share * (b.x - a.x),
+        parameter=a.parameter + share * (b.parameter - a.parameter),
+        length=a.length + share * width,
+    )
 
 
 def at_parameter(system: System, x: Array, parameter: float) -> Array | None:
