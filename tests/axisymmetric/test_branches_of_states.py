@@ -203,6 +203,18 @@ def test_a_branch_in_another_parameter_and_its_heading():
     )
 
 
+def test_a_branch_that_meets_the_sphere_ends_there():
+    p = Parameters(D=0.1, v_p0=5.0)
+    start = steady_states(p, degrees=(1,))[-1]
+    branch = branch_from_state(start, "D", Window(0.1, 0.6), 1.0)
+    assert branch.message == ""
+    assert len(branch.folds) == 1
+    (threshold,) = onsets(p, "D", 0.1, 0.6)
+    assert branch.origin == pytest.approx(threshold, abs=1e-8)
+    speeds = [b.state.max_retrograde_speed for b in branch.points]
+    assert speeds == sorted(speeds, reverse=True)
+
+
 def test_a_hopf_point_is_located_where_the_theory_has_it():
     """A steep law on a soft sphere: l = 2 starts to oscillate where the trace of its matrix is 0.
 

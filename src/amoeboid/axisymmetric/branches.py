@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
 from amoeboid.axisymmetric.steady import (
@@ -29,10 +31,14 @@ from amoeboid.numerics.continuation import (
     located,
     through,
 )
+from amoeboid.numerics.integrators import StepTooSmall
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 Array = NDArray[Any]
+
+FAR_SIZE = 3 * 128 + 3
+"""Unknowns beyond which `search` gives up a branch that is still far from its goal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,7 +153,7 @@ def branch_from_state(
     first = through(system, state.x, value, direction, chosen)
     branch = trace(p, name, first, window, chosen, None)
     points = (branch_point(first, p, name), *branch.points)
-    return Branch(name, points, branch.folds, branch.crossings, None, branch.message)
+    return replace(branch, points=points)
 
 
 def trace(
@@ -175,11 +181,39 @@ def trace(
             elif _receding(point, window):
                 message = ""
                 break
+            if not point.fold and points and polarity(before) * polarity(point) < 0:
+                # through the sphere and on to mirror images of what is known already
+                points = [b for b in points if b.point is not point]
+                folds = [b for b in folds if b.point.length <= before.length]
+                origin = _meeting(p, name, before, point)
+                message = ""
+                break
             before = before if point.fold else point
     except Stalled as stall:
         message = str(stall)
     crossings = _crossings(p, name, points, folds, options)
     return Branch(name, tuple(points), tuple(folds), crossings, origin, message)
+
+
+def _meeting(p: Parameters, name: str, a: Point, b: Point) -> float | None:
+    """The threshold of the sphere between two points on mirrored halves of a branch.
+
+    Guessed from parameter = threshold + k polarity^2, then found by its own root search.
+    """
+    f, g = polarity(a) ** 2, polarity(b) ** 2
+    guess = a.parameter
+    if abs(f - g) > 1e-3 * max(f, g):
+        guess = (a.parameter * g - b.parameter * f) / (g - f)
+    width = 2 * abs(guess - a.parameter) + 0.02 * abs(guess)
+    found = onsets(p, name, max(guess - width, 0.0), guess + width)
+    return min(found, key=lambda value: abs(value - guess), default=None)
+
+
+def polarity(point: Point) -> float:
+    """c at the pole x = 0 less c at the pole x = pi; zero on the sphere and on even states."""
+    c = split(point.x, (point.x.size - 3) // 3)[2]
+    difference = float(np.sum(c[1::2]))
+    return difference if abs(difference) > 1e-9 * abs(c[0]) else 0.0
 
 
 def _receding(point: Point, window: Window) -> bool:
@@ -233,7 +267,7 @@ def _crossings(
 def _crossing(
     p: Parameters, name: str, a: BranchPoint, b: BranchPoint, m: int, k: int, options: Options
 ) -> Crossing | None:
-    """Where the real part of the k-th fastest rate passes zero between neighbours a and b."""
+    """Where the real part of the k-th fastest rate passes zero between neighbors a and b."""
 
     def rate(point: Point) -> float:
         rates = growth_rates(branch_point(point, p, name).state, m)
@@ -272,6 +306,9 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
     without such a connection to the sphere are not found.
     """
     found, problems = [homogeneous(p)], []
+    if float(p.v_p(p.c0)) == float(p.replace(v_p0=p.v_p0 + 1.0).v_p(p.c0)):
+        found.extend(_reached_in_time(p))
+        problems.append("the law does not depend on v_p0: only states reached in time are found")
     for l in degrees:  # noqa: E741
         for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
             states, problem = _crossed(p, l, sign)
@@ -286,6 +323,16 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
     return Search(tuple(ordered), tuple(problems))
 
 
+def _reached_in_time(p: Parameters) -> list[SteadyState]:
+    """The steady states at which time evolution from polarized spheres ends."""
+    found = []
+    for amplitude in (0.1, 0.9):
+        with suppress(StepTooSmall, InvalidInput):
+            end = settled(p, perturbed_sphere(p, {1: amplitude * p.c0}), 1000.0 * p.R0, rate=1e-7)
+            found.append(polished(end))
+    return [state for state in found if state.converged]
+
+
 def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str]:  # noqa: E741
     """The states at p on the branch that mode l sends out in v_p0, and what stopped the search."""
     found: list[SteadyState] = []
@@ -293,7 +340,7 @@ def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str
     threshold = onset_speed(p, l)
     if threshold is None:
         return found, problem
-    options = Options(parameter_scale=threshold, max_step=0.5, angle=0.2, max_points=150)
+    options = Options(parameter_scale=threshold, max_step=1.5, angle=0.2, max_points=80)
     try:
         before = departure(p, "v_p0", threshold, options, sign=sign)
         for point in follow(before, options):
@@ -306,6 +353,8 @@ def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str
                     found.append(state)
                 elif abs(p.v_p0 - threshold) > 1e-6 * threshold:
                     problem = state.message
+            if point.x.size > FAR_SIZE and abs(point.parameter - p.v_p0) > 0.5 * p.v_p0:
+                return found, f"it needs too many modes already at v_p0 = {point.parameter:.6g}"
             upwards = point.parameter_tangent > 0 and point.parameter > 1.05 * p.v_p0
             if upwards or point.parameter <= 0:
                 return found, problem
@@ -316,7 +365,7 @@ def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str
 
 
 def interpolated_state(p: Parameters, a: Point, b: Point) -> SteadyState:
-    """The steady state at p between neighbours a and b of a branch in v_p0, by Newton's method."""
+    """The steady state at p between neighbors a and b of a branch in v_p0, by Newton's method."""
     n = (b.x.size - 3) // 3
     x = resampled(a.x, (a.x.size - 3) // 3, n)
     share = (p.v_p0 - a.parameter) / (b.parameter - a.parameter)

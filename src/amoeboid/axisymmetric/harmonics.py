@@ -61,9 +61,9 @@ def harmonics(m: int, degree: int, nodes: int) -> Harmonics:
 
 
 def _legendre(m: int, degree: int, mu: Array, sine: Array) -> Array:
-    """P_l^m for l = 0..degree (zero for l < m), normalised to unit square integral over mu.
+    """P_l^m for l = 0..degree (zero for l < m), normalized to unit square integral over mu.
 
-    Positive at mu = 1 side; three-term recurrence (NIST DLMF 14.10.3, normalised).
+    Positive at mu = 1 side; three-term recurrence (NIST DLMF 14.10.3, normalized).
     """
     table = np.zeros((mu.size, degree + 1))
     if m > degree:

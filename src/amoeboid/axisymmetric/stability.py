@@ -1,7 +1,7 @@
 """Linear stability of a steady state to perturbations exp(i m phi) of shape and concentration.
 
 The surface moves along its normal by h, the concentration changes by c', the cortex velocity by
-(a, i b, w) along (t, e_phi, n). All equations are linearised in convected coordinates: with
+(a, i b, w) along (t, e_phi, n). All equations are linearized in convected coordinates: with
 X' = h n, X'_1 = h_s n + kappa_1 h t, X'_2 = i (m/r) h n + kappa_2 h e_phi, the strain rate is
 D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
 integral of sqrt(g) sigma^ij X_j . y_i = integral of delta_P sqrt(g) n . y for all velocities y.
@@ -112,7 +112,7 @@ def count_unstable(rates: Array) -> int:
 
 
 def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
-    """Rates of (rho_l, c_l) on the homogeneous sphere, from the linearisation of this module.
+    """Rates of (rho_l, c_l) on the homogeneous sphere, from the linearization of this module.
 
     Shape (2, 2) for l >= 2 and (1, 1), c alone, for l = 0 and 1, whose h is no deformation.
     """
@@ -144,7 +144,7 @@ def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Arra
 
 
 def base_fields(state: SteadyState, basis: Harmonics) -> Base:
-    """The fields of a steady state that the linearisation needs, at the nodes of the basis."""
+    """The fields of a steady state that the linearization needs, at the nodes of the basis."""
     n, scale, p = state.n, state.length_scale, state.parameters
     a_psi, a_u, a_c, scalars = split(state.x, n)
     x = basis.x

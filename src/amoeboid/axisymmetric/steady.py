@@ -63,7 +63,7 @@ class Scales:
 
 @dataclass(frozen=True)
 class SteadySystem:
-    """The discretised steady problem as a function of chosen parameters.
+    """The discretized steady problem as a function of chosen parameters.
 
     `names` are the parameters that the argument q of the methods replaces; q may be complex.
     """
@@ -191,7 +191,7 @@ class SteadyState:
 
     @property
     def defects(self) -> tuple[float, float]:
-        """Axial force and filament source: zero but for the error of the discretisation."""
+        """Axial force and filament source: zero but for the error of the discretization."""
         return float(self.x[-2]), float(self.x[-1])
 
     def concentration(self, x: Array) -> Array:

@@ -45,9 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = (
-        "The branch starts where the homogeneous sphere loses stability to l = 1 in the chosen\n"
-        "parameter; if that happens nowhere in the window, at the fastest polarized state at\n"
-        "--from. Exit code 1: the branch could not be followed to the end of the window."
+        "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
+        "other parameter at the fastest polarized state at --from or, if there is none, where the\n"
+        "sphere loses stability within the window. It ends where it leaves the window or meets\n"
+        "the sphere. Exit code 1: it could not be followed that far."
     )
 
 
@@ -61,7 +62,8 @@ def execute(args: argparse.Namespace) -> int:
         check_picture_path(args.plot)
     branch = _branch(args, p, start)
     if branch.message:
-        print(f"amoeboid branch: incomplete: {branch.message}", file=sys.stderr)
+        advice = "or end the window earlier, or smooth the states by a larger D or delta_P"
+        print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_branch
 
@@ -112,11 +114,13 @@ def _branch(args: argparse.Namespace, p: Parameters, start: float) -> Branch:
         first_step=min(0.05, args.max_step),
         max_points=args.max_points,
     )
-    branch = branch_from_sphere(p, name, window, options=options)
-    if branch is None and name != "v_p0":
+    branch = None
+    if name != "v_p0":
         state = steady_states(p.replace(**{name: start}), degrees=(1,))[-1]
         if state.max_retrograde_speed > 0:
             branch = branch_from_state(state, name, window, end - start, options)
+    if branch is None:
+        branch = branch_from_sphere(p, name, window, options=options)
     if branch is None:
         raise InvalidInput(
             f"no polarized state found for {name} between {window.low:g} and {window.high:g}; "

@@ -36,7 +36,10 @@ def execute(args: argparse.Namespace) -> int:
     unstable = [unstable_modes(s) for s in found.states]
     rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
-        print(f"amoeboid steady: states may be missing, {problem}", file=sys.stderr)
+        print(f"amoeboid steady: states may be missing: {problem}", file=sys.stderr)
+    if found.problems:
+        advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
+        print(f"amoeboid steady: {advice}", file=sys.stderr)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_states
 

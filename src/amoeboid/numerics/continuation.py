@@ -31,7 +31,7 @@ class System(Protocol):
 
     `residual` and `jacobian` accept complex x and q. `weights` (n,) define the inner product,
     `scale` (n,) the magnitude of the unknowns. `resolved`, `refined`, `prolonged`: whether the
-    discretisation suffices for x at q, a finer one if allowed, and a vector carried to it.
+    discretization suffices for x at q, a finer one if allowed, and a vector carried to it.
     """
 
     @property
@@ -104,7 +104,9 @@ def follow(start: Point, options: Options) -> Iterator[Point]:
     for _ in range(options.max_points):
         there, taken = _next(here, step, options)
         if here.parameter_tangent * there.parameter_tangent < 0:
-            yield located(here, there, lambda p: p.parameter_tangent, options, fold=True)
+            # where branches cross the tangent may turn back too, but Newton's method fails: no fold
+            with suppress(Stalled):
+                yield located(here, there, lambda p: p.parameter_tangent, options, fold=True)
         turn = _turn(here, there, options)
         here = adapted(there, options)
         yield here
@@ -198,7 +200,8 @@ def adapted(point: Point, options: Options) -> Point:
         finer = _refined(point, options)
         if finer is None:
             raise Stalled(
-                f"the finest discretisation does not resolve parameter = {point.parameter:.10g}"
+                f"the finest discretization does not resolve the solution at parameter = "
+                f"{point.parameter:.10g}"
             )
         point = finer
     return point
@@ -224,7 +227,7 @@ def located(
     options: Options,
     fold: bool = False,
 ) -> Point:
-    """The point between neighbours a and b of a branch where `test` changes sign.
+    """The point between neighbors a and b of a branch where `test` changes sign.
 
     Newton's method has no chance at a point where branches cross; there the test is interpolated
     between points just beside it. Raises Stalled if those cannot be reached either.

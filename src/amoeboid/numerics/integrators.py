@@ -1,7 +1,7 @@
 """Time integration of stiff autonomous systems y' = f(y) with an exact Jacobian.
 
 RODAS, a linearly implicit (Rosenbrock) method of order 4 with an embedded one of order 3, L-stable
-and stiffly accurate: six linear solves with one factorisation a step, no nonlinear iteration, and
+and stiffly accurate: six linear solves with one factorization a step, no nonlinear iteration, and
 a steady state of f is a steady state of the steps at any step length. Coefficients: Hairer &
 Wanner, *Solving Ordinary Differential Equations II*, 2nd ed. 1996, section VI.4.
 """

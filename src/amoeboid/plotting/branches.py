@@ -31,7 +31,7 @@ def check_picture_path(path: Path) -> None:
 
 
 def draw_states(states: Sequence[tuple[SteadyState, bool]], path: Path) -> None:
-    """Outlines coloured by c, front up, and profiles of c and u; (state, stable) pairs."""
+    """Outlines colored by c, front up, and profiles of c and u; (state, stable) pairs."""
     figure = _figure(3.0 * len(states) + 0.8, 5.6)
     grid = figure.add_gridspec(2, len(states), height_ratios=(1.5, 1.0))
     highest = max(s.c_rear for s, _ in states)
@@ -149,7 +149,7 @@ def _markers(axes: Any, branch: Branch) -> None:
 
 
 def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
-    """Regions as colours, the threshold and the fold line as curves, their meeting point."""
+    """Regions as colors, the threshold and the fold line as curves, their meeting point."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
