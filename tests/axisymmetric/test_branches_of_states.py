@@ -8,6 +8,7 @@ from amoeboid.axisymmetric.branches import (
     Window,
     branch_from_sphere,
     branch_from_state,
+    polarity,
     steady_states,
 )
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
@@ -211,8 +212,8 @@ def test_a_branch_that_meets_the_sphere_ends_there():
     assert len(branch.folds) == 1
     (threshold,) = onsets(p, "D", 0.1, 0.6)
     assert branch.origin == pytest.approx(threshold, abs=1e-8)
-    speeds = [b.state.max_retrograde_speed for b in branch.points]
-    assert speeds == sorted(speeds, reverse=True)
+    assert branch.points[-1].state.max_retrograde_speed < 0.2
+    assert all(polarity(b.point) > 0 for b in branch.points)
 
 
 def test_a_hopf_point_is_located_where_the_theory_has_it():

@@ -166,7 +166,8 @@ def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[t
         try:
             begin = through(system, found.x, column.value, direction, options)
             for point in follow(begin, options):
-                if not values[0] <= point.parameter <= values[-1] or point.fold:
+                turned = point.fold or point.parameter_tangent * direction < 0
+                if turned or not values[0] <= point.parameter <= values[-1]:
                     break
                 half.append((point.parameter, float(point.x[-1])))
         except (Stalled, InvalidInput):
