@@ -11,7 +11,16 @@ from typing import Any
 import tomli_w
 
 from amoeboid.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.validation import InvalidInput, choice, flag, integer, number, validate, vector
+from amoeboid.validation import (
+    InvalidInput,
+    automatic,
+    choice,
+    flag,
+    integer,
+    number,
+    validate,
+    vector,
+)
 
 SCHEMES = ("semi-implicit",)
 
@@ -45,10 +54,10 @@ class Initial:
 class Time:
     """Section [time]."""
 
-    end: float = number(200.0, "simulated time at which the run ends", "T", gt=0)
+    end: float = automatic("simulated time at which the run ends, 200/rate", "T", gt=0)
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
     tolerance: float = number(1e-2, "error allowed in one step, relative to c0 and R0", gt=0)
-    max_step: float = number(0.5, "longest time step", "T", gt=0)
+    max_step: float = automatic("longest time step, 0.5/rate", "T", gt=0)
     stop_when_steady: bool = flag(True, "end the run once nothing changes any more")
 
     def __post_init__(self) -> None:
@@ -59,7 +68,7 @@ class Time:
 class Output:
     """Section [output]."""
 
-    interval: float = number(0.5, "simulated time between two frames", "T", gt=0)
+    interval: float = automatic("simulated time between two frames, 0.5/rate", "T", gt=0)
 
     def __post_init__(self) -> None:
         validate(self, "output")
@@ -88,6 +97,23 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         for section in (Mesh, Initial, Time, Output)
     },
 }
+
+
+def resolved(config: Config) -> Config:
+    """`config` with every automatic value in its place; rate is that of the parameters."""
+    time, output = config.time, config.output
+    if None not in (time.end, time.max_step, output.interval):
+        return config
+    unit = 1.0 / config.parameters.rate
+    return replace(
+        config,
+        time=replace(
+            time,
+            end=200 * unit if time.end is None else time.end,
+            max_step=0.5 * unit if time.max_step is None else time.max_step,
+        ),
+        output=Output(interval=0.5 * unit if output.interval is None else output.interval),
+    )
 
 
 def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
@@ -149,7 +175,8 @@ def config_to_toml(config: Config) -> str:
     document: dict[str, Any] = {"parameters": config.parameters.as_dict()}
     for section in SECTIONS:
         if section != "parameters":
-            document[section] = asdict(getattr(config, section))
+            values = asdict(getattr(config, section))
+            document[section] = {k: v for k, v in values.items() if v is not None}
     return tomli_w.dumps(document)
 
 

@@ -48,6 +48,20 @@ class Parameters:
         """(v_p, v_p', v_p'', ...) at c, to `order`."""
         return self.law.derivatives(c, self.v_p0, self.c_r, order)
 
+    @property
+    def rate(self) -> float:
+        """The fastest of turnover, diffusion over R0 and treadmilling over R0 [1/T].
+
+        The unit in which fast, slow and steady are measured. Raises InvalidInput if nothing
+        ever happens.
+        """
+        rates = (self.beta, self.D / self.R0**2, abs(float(self.v_p(self.c0))) / self.R0)
+        if max(rates) == 0.0:
+            raise InvalidInput(
+                "nothing would ever change: one of beta, D and v_p(c0) must be > 0, all are 0"
+            )
+        return max(rates)
+
     def replace(self, **changes: Any) -> Parameters:
         """A copy with some parameters changed; unknown names are refused."""
         _refuse_unknown(changes)

@@ -25,6 +25,12 @@ def number(
     return _declared(float, default, doc, unit, gt, ge, le)
 
 
+def automatic(doc: str, unit: str = "1", *, gt: float | None = None) -> Any:
+    """A finite real field that is found from the other fields where it is None, the default."""
+    meta = {"kind": float, "doc": doc, "unit": unit, "bounds": {">": gt, ">=": None, "<=": None}}
+    return field(default=None, metadata=meta | {"automatic": True})
+
+
 def integer(default: int, doc: str, *, ge: int | None = None, le: int | None = None) -> Any:
     """A whole-number field."""
     return _declared(int, default, doc, "1", None, ge, le)
@@ -83,11 +89,15 @@ def rule(f: Field[Any]) -> str:
     limits = " and ".join(
         f"{sign} {value:g}" for sign, value in f.metadata["bounds"].items() if value is not None
     )
+    if "automatic" in f.metadata:
+        limits += ", or left out"
     noun = "a whole number" if kind is int else "a finite number"
     return f"{noun} {limits}".strip()
 
 
 def _checked(name: str, value: Any, f: Field[Any]) -> Any:
+    if value is None and "automatic" in f.metadata:
+        return None
     kind = f.metadata["kind"]
     problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}")
     if "options" in f.metadata:

@@ -13,12 +13,13 @@ from amoeboid.validation import InvalidInput
 # its heavy imports belong into execute, so that --help stays quick.
 COMMANDS = {
     "run": "a 3D simulation; with no argument, figure 3D of the paper",
+    "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
 }
 
-USER_MISTAKE = 2
+FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -29,6 +30,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     except (InvalidInput, FileNotFoundError, PermissionError, IsADirectoryError) as error:
         print(f"amoeboid {args.command}: {error}", file=sys.stderr)
         return USER_MISTAKE
+    except OSError as error:
+        print(f"amoeboid {args.command}: {error}", file=sys.stderr)
+        return FAILURE
+    except KeyboardInterrupt:
+        print(f"amoeboid {args.command}: interrupted", file=sys.stderr)
+        return INTERRUPTED
 
 
 def _parser() -> argparse.ArgumentParser:

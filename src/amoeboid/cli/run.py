@@ -1,17 +1,239 @@
-"""`amoeboid run`."""
+"""`amoeboid run`: a 3D simulation into a folder."""
 
 from __future__ import annotations
 
 import argparse
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from amoeboid.cli.settings import add_settings
+from amoeboid.cli.settings import add_settings, field_table, print_json
+from amoeboid.config import Config, config_from_toml, with_settings
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.simulation import Step
+    from amoeboid.store import Run
+    from amoeboid.surface.model import Model
+
+SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
+FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
+INTERRUPTION = "interrupted"
+EXIT_CODES = {"finished": FINISHED, "diverged": DIVERGED, "interrupted": INTERRUPTED}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `run`."""
+    parser.add_argument(
+        "config",
+        nargs="?",
+        type=Path,
+        metavar="CONFIG.toml",
+        help="sections [parameters] [mesh] [initial] [time] [output]; what it leaves out keeps its "
+        "default",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder to write to, new or empty (default: amoeboid-run, or the next free number)",
+    )
+    parser.add_argument(
+        "--resume", type=Path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
+    )
     add_settings(parser)
+    parser.epilog = (
+        f"fields, their defaults and meanings:\n{field_table()}\n\n"
+        "exit codes: 0 finished, 1 diverged (the last good frame is kept), 2 wrong input,\n"
+        "130 interrupted (go on with --resume)"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
-    """Run a simulation."""
-    raise SystemExit(1)
+    """Run the simulation; returns the exit code."""
+    if args.resume is not None and (args.config is not None or args.output is not None):
+        raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
+    began = time.perf_counter()
+    model, run, first = _resumed(args) if args.resume is not None else _started(args)
+    last, status, why = _simulate(model, run, first)
+    wall_s = time.perf_counter() - began
+
+    # the latest row is that of `last`: rows are appended step by step
+    summary: dict[str, Any] = {name: run.rows[-1][name] for name in SUMMARY}
+    summary |= {
+        "steps": last.number,
+        "wall_s": round(wall_s, 3),
+        "steady": last.steady,
+        "output": str(run.folder),
+    }
+    run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
+    _draw(model, run, last)
+    if status != "finished":
+        print(f"amoeboid run: {status}: {why}", file=sys.stderr)
+        print(f"amoeboid run: the last good state is in {run.folder}", file=sys.stderr)
+    if args.json:
+        print_json(summary | {"status": status})
+    else:
+        _print_summary(summary, last, why)
+    return EXIT_CODES[status]
+
+
+def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:
+    config = Config()
+    if args.config is not None:
+        try:
+            config = config_from_toml(args.config.read_text(encoding="utf-8"))
+        except UnicodeDecodeError:
+            raise InvalidInput(f"{str(args.config)!r} must be a text file in UTF-8") from None
+    config = with_settings(config, args.settings)
+
+    from amoeboid.simulation import start
+    from amoeboid.store import new_folder, new_run
+
+    model, first = start(config)
+    run = new_run(new_folder(args.output), config, model)
+    run.append(first)
+    run.save(first)
+    return model, run, first
+
+
+def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
+    from amoeboid.simulation import model_of
+    from amoeboid.store import resumed_run, stored_config
+
+    before = stored_config(args.resume)
+    config = with_settings(before, args.settings)
+    for section in ("parameters", "mesh", "initial"):
+        if getattr(config, section) != getattr(before, section):
+            raise InvalidInput(
+                f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
+                "start a new run for the rest"
+            )
+    model = model_of(config)
+    run, first = resumed_run(args.resume, config, model)
+    if first.steady and config.time.stop_when_steady:
+        raise InvalidInput(
+            f"the run in {str(args.resume)!r} has ended steady at t = {first.state.t:g}; "
+            "to go on, --set time.stop_when_steady=false"
+        )
+    if first.state.t >= run.config.time.end:
+        raise InvalidInput(
+            f"the run in {str(args.resume)!r} has reached time.end = {run.config.time.end:g}; "
+            "to go on, --set time.end to a later time"
+        )
+    return model, run, first
+
+
+def _simulate(model: Model, run: Run, first: Step) -> tuple[Step, str, str]:
+    """Step until the end; returns the last good step, the status and why it ended."""
+    from amoeboid.simulation import Diverged, evolve
+
+    last, status, why = first, "finished", ""
+    try:
+        with _interruptible() as interruption, _progress(run) as report:
+            for step in evolve(model, first, run.config.time, [interruption]):
+                last, why = step, step.ended or ""
+                report(run.append(step))
+                if run.frame_due(step):
+                    run.save(step)
+    except Diverged as error:
+        status, why = "diverged", str(error)
+    if why == INTERRUPTION:
+        status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
+    if run.frame_times[-1][0] < last.state.t:
+        run.save(last)
+    return last, status, why
+
+
+@contextmanager
+def _interruptible() -> Iterator[Callable[[Step], str | None]]:
+    """Let Ctrl-C and SIGTERM (a cluster's time limit) end the run after the present step.
+
+    An exception in the middle of compiled code would be lost or leave half a step. A second
+    signal ends the program at once.
+    """
+    received: list[int] = []
+
+    def take(number: int, _: object) -> None:
+        if received:
+            raise KeyboardInterrupt
+        received.append(number)
+
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, take) for number in signals]
+    try:
+        yield lambda _: INTERRUPTION if received else None
+    finally:
+        for number, handler in zip(signals, before, strict=True):
+            signal.signal(number, handler)
+
+
+@contextmanager
+def _progress(run: Run) -> Iterator[Any]:
+    """A progress bar on standard error; yields a function that takes rows of the time series."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    console = Console(stderr=True)
+    columns = (
+        TextColumn("t = {task.completed:.2f} of at most {task.total:g}"),
+        BarColumn(bar_width=24),
+        TextColumn("dt {task.fields[dt]:.3g}  speed {task.fields[speed]:.4f}  at most"),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+    )
+    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+        start = run.rows[-1]
+        task = progress.add_task(
+            "",
+            total=run.config.time.end,
+            completed=int(start["t"]),
+            dt=0.0,
+            speed=start["max_retrograde_speed"],
+        )
+
+        def report(row: dict[str, float]) -> None:
+            speed = row["max_retrograde_speed"]
+            progress.update(task, completed=row["t"], dt=row["dt"], speed=speed)
+
+        yield report
+
+
+def _draw(model: Model, run: Run, last: Step) -> None:
+    from amoeboid.plotting.cell import save_cell_picture
+
+    try:
+        save_cell_picture(run.folder / "cell.png", model, last)
+    except (RuntimeError, OSError) as error:
+        print(f"amoeboid run: no picture, rendering failed: {error}", file=sys.stderr)
+
+
+def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    meanings = {
+        "max_retrograde_speed": "fastest flow along the surface, front to rear",
+        "c_front": "filament concentration at the front",
+        "c_rear": "filament concentration at the rear",
+        "zeta0": "membrane tension",
+        "area_error": "relative change of the membrane area",
+    }
+    table = Table(box=None, show_header=False, pad_edge=False)
+    for name, meaning in meanings.items():
+        table.add_row(name, f"{summary[name]:.6g}", meaning)
+    console = Console()
+    console.print(table)
+    console.print(
+        f"{why} at t = {last.state.t:.4g}, {summary['steps']} steps, {summary['wall_s']:.2f} s",
+        highlight=False,
+    )
+    console.print(
+        f"output in {summary['output']}: cell.png, frames.pvd (ParaView), timeseries.csv",
+        highlight=False,
+    )

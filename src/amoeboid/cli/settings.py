@@ -48,6 +48,7 @@ def field_table() -> str:
         for f in fields(section):
             if "kind" in f.metadata:
                 value = getattr(getattr(default, name), f.name)
+                value = "automatic" if value is None else value
                 rows.append(f"  {prefix + f.name:24}{value!s:18}{f.metadata['doc']} ({rule(f)})")
         if section is Parameters:
             rows.append(

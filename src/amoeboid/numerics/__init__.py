@@ -1,1 +1,1 @@
-"""Newton's method, continuation, time integration: general methods that know nothing of cells."""
+"""Numerical methods that know nothing of cells."""

@@ -1,0 +1,213 @@
+"""`amoeboid theory`: thresholds, growth rates, bifurcation and predicted flow of one point."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from amoeboid.theory.summary import Summary
+    from amoeboid.units import Scales
+
+# Dimension and physical unit of what is printed; a key that is missing has no dimension.
+UNITS = {
+    "v_p0": ("L/T", "um/s"),
+    "v_p_critical": ("L/T", "um/s"),
+    "thresholds": ("L/T", "um/s"),
+    "growth_rates": ("1/T", "1/s"),
+    "growth_rates_finite_pressure": ("1/T", "1/s"),
+    "frequencies_finite_pressure": ("1/T", "1/s"),
+    "first_mode_v_p0": ("L/T", "um/s"),
+    "nu": ("L^4/(T N^2)", "um^4/s"),
+    "nu_5": ("L^8/(T N^4)", "um^8/s"),
+    "amplitude": ("N/L^2", "1/um^2"),
+    "max_retrograde_speed": ("L/T", "um/s"),
+    "max_retrograde_speed_cubic": ("L/T", "um/s"),
+    "max_retrograde_speed_at_v_p0": ("L/T", "um/s"),
+    "max_retrograde_speed_next_order": ("L/T", "um/s"),
+    "trusted_distance": ("L/T", "um/s"),
+    "delta_P_star": ("M/(L T^2)", "Pa"),
+    "zeta0": ("M/T^2", "mN/m"),
+}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `theory`."""
+    add_settings(parser)
+    parser.add_argument(
+        "--physical",
+        action="store_true",
+        help="start from the paper's cell in physical units; --set then takes a number with its "
+        "unit ('v_p0=2 um/s', 'c_r=8.5 umol/l * 190 nm'), and results are in um/s, 1/s, Pa",
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Print what the theory says, as a table or as JSON."""
+    from amoeboid.theory.summary import summary
+
+    if args.physical:
+        from amoeboid.units import PAPER_CELL, to_simulation
+
+        given = _quantities(args.settings)
+        p, scales = to_simulation(given)
+        result = _in_physical_units(_result(summary(p)), scales)
+        result["parameters"] = {**PAPER_CELL, **given}
+        result["units"] = {key: unit for key, (_, unit) in UNITS.items() if key in result}
+    else:
+        p = parameters_of(args)
+        result = _result(summary(p))
+        result["parameters"] = p.as_dict()
+    if args.json:
+        print_json(result)
+    else:
+        _print_table(result)
+    return 0
+
+
+def _quantities(settings: list[str]) -> dict[str, str]:
+    """{name: text} from name=value settings; values keep their units."""
+    quantities = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals or not name.strip() or not text.strip():
+            raise InvalidInput(f"--set takes name=value, got {setting!r}")
+        quantities[name.strip()] = text.strip()
+    return quantities
+
+
+def _result(s: Summary) -> dict[str, Any]:
+    """The summary under the keys of the JSON contract, and more."""
+    result: dict[str, Any] = {
+        "v_p_critical": float(s.thresholds.v_p0[0]) if s.thresholds.v_p0.size else None,
+        "growth_rates": {str(degree): rate for degree, rate in s.growth_rates.items()},
+        "growth_rates_finite_pressure": {
+            str(degree): [rate.real for rate in pair]
+            for degree, pair in s.finite_pressure_rates.items()
+        },
+        "frequencies_finite_pressure": {
+            str(degree): abs(pair[0].imag) for degree, pair in s.finite_pressure_rates.items()
+        },
+        "nu": None,
+        "bifurcation": None,
+        "max_retrograde_speed": s.max_retrograde_speed,
+        "delta_P_star": None,
+        "thresholds": s.thresholds.v_p0.tolist(),
+        "first_mode": s.first_mode.l if s.first_mode else None,
+        "first_mode_v_p0": s.first_mode.v_p0 if s.first_mode else None,
+        "zeta0": s.zeta0,
+        "notes": list(s.notes),
+    }
+    if s.weakly is not None:
+        predicted = s.weakly.prediction
+        result |= {
+            "nu": s.weakly.nu,
+            "nu_5": s.weakly.nu_5,
+            "bifurcation": s.weakly.bifurcation,
+            "delta_P_star": s.weakly.delta_P_star,
+            "trusted_distance": s.weakly.trusted_distance,
+        }
+        if predicted.state.exists:
+            result |= {
+                "amplitude": float(predicted.state.amplitude),
+                "amplitude_stable": bool(predicted.state.stable),
+                "max_retrograde_speed_cubic": float(predicted.max_retrograde_speed),
+                "max_retrograde_speed_at_v_p0": float(predicted.max_retrograde_speed_at_v_p0),
+                "max_retrograde_speed_next_order": float(predicted.next_order_speed)
+                if predicted.next_order.exists
+                else None,
+                "relative_error": float(predicted.relative_error),
+                "rho_2": s.weakly.deformation,
+            }
+    return result
+
+
+def _in_physical_units(result: dict[str, Any], scales: Scales) -> dict[str, Any]:
+    from amoeboid.units import in_unit
+
+    def converted(value: Any, dimension: str, unit: str) -> Any:
+        if isinstance(value, dict):
+            return {key: converted(v, dimension, unit) for key, v in value.items()}
+        if isinstance(value, list):
+            return [converted(v, dimension, unit) for v in value]
+        return None if value is None else in_unit(value, dimension, scales, unit)
+
+    return {
+        key: converted(value, *UNITS[key]) if key in UNITS else value
+        for key, value in result.items()
+    }
+
+
+# Rows of the table: key of the result, and what it is called.
+ROWS = (
+    ("thresholds", "thresholds v_p^c (lambda_1 = 0)"),
+    ("first_mode", "mode that goes unstable first, l <= 6"),
+    ("first_mode_v_p0", "... at v_p0 ="),
+    ("delta_P_star", "delta_P* (l = 2 leads below it)"),
+    ("zeta0", "membrane tension zeta_0 at rest"),
+    ("nu", "cubic coefficient nu"),
+    ("nu_5", "fifth-order coefficient"),
+    ("bifurcation", "bifurcation"),
+    ("trusted_distance", "cubic amplitude good to 10 % within"),
+    ("amplitude", "amplitude of the polarized state"),
+    ("amplitude_stable", "... is stable"),
+    ("max_retrograde_speed_cubic", "its retrograde speed, prefactor at v_p^c"),
+    ("max_retrograde_speed_at_v_p0", "... with the prefactor at v_p0"),
+    ("max_retrograde_speed_next_order", "... by the next order"),
+    ("relative_error", "estimated relative error of the cubic speed"),
+    ("rho_2", "deformation rho_2"),
+    ("max_retrograde_speed", "predicted max_retrograde_speed"),
+)
+
+
+def _print_table(result: dict[str, Any]) -> None:
+    from rich.console import Console
+
+    console = Console(highlight=False)
+    units = result.get("units", {})
+    values = ", ".join(f"{name} = {_text(v)}" for name, v in result["parameters"].items())
+    console.print(f"Theory at {values}", markup=False)
+    console.print(_quantities_table(result, units))
+    console.print(_rates_table(result, units))
+    for note in result["notes"]:
+        console.print(f"Note: {note}.", markup=False)
+
+
+def _quantities_table(result: dict[str, Any], units: dict[str, str]) -> Table:
+    from rich.table import Table
+
+    table = Table("quantity", "value", *(["unit"] if units else []))
+    for key, title in ROWS:
+        if key in result:
+            table.add_row(title, _text(result[key]), *([units.get(key, "")] if units else []))
+    return table
+
+
+def _rates_table(result: dict[str, Any], units: dict[str, str]) -> Table:
+    from rich.table import Table
+
+    unit = f" [{units['growth_rates']}]" if units else ""
+    table = Table("l", f"growth rate, delta_P -> infinity{unit}", "slow, fast at delta_P")
+    for degree, rate in result["growth_rates"].items():
+        pair = result["growth_rates_finite_pressure"].get(degree)
+        frequency = result["frequencies_finite_pressure"].get(degree, 0.0)
+        shown = "the same" if pair is None else ", ".join(map(_text, pair))
+        if frequency:
+            shown += f" +- {_text(frequency)}i"
+        table.add_row(degree, _text(rate), shown)
+    return table
+
+
+def _text(value: Any) -> str:
+    if value is None or value == []:
+        return "none"
+    if isinstance(value, list):
+        return ", ".join(map(_text, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

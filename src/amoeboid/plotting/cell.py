@@ -1,0 +1,141 @@
+"""A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
+from amoeboid.simulation import Step
+from amoeboid.store import write_atomically
+from amoeboid.surface.geometry import volume_centroid
+from amoeboid.surface.model import Model
+
+Array = NDArray[np.float64]
+
+COLOR_MAP = "YlGnBu"
+INK = "#1b1b1b"
+ARROWS = 170
+WINDOW = (1500, 1100)
+LEAST_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
+
+
+def save_cell_picture(path: Path, model: Model, step: Step) -> None:
+    """Render the cell of `step` to a PNG file: migration to the left, seen from the side."""
+    import pyvista as pv
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    # without a screen VTK falls back to off-screen rendering, and would warn of that every time
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
+    try:
+        plotter.set_background("white")
+        _add_cell(plotter, model, step)
+        write_atomically(path, lambda p: plotter.screenshot(str(p), return_img=False))
+    finally:
+        plotter.close()
+
+
+def _add_cell(plotter: Any, model: Model, step: Step) -> None:
+    import pyvista as pv
+
+    state, flow, R0 = step.state, step.flow, model.parameters.R0
+    centre = volume_centroid(state.r, model.mesh.faces)
+    rear, side = _view_axes(model, step)
+    surface = pv.PolyData.from_regular_faces(state.r - centre, model.mesh.faces)
+    surface.point_data["c"] = state.c
+    bar: dict[str, Any] = {
+        "title": "filament concentration c",
+        "color": INK,
+        "fmt": "%.2f",
+        "vertical": False,
+        "position_x": 0.2,
+        "position_y": 0.04,
+        "width": 0.6,
+        "title_font_size": 30,
+        "label_font_size": 26,
+    }
+    limits = _color_limits(state.c, model.parameters.c0)
+    plotter.add_mesh(
+        surface,
+        scalars="c",
+        cmap=COLOR_MAP,
+        clim=limits,
+        smooth_shading=True,
+        ambient=0.45,
+        diffuse=0.6,
+        specular=0.05,
+        scalar_bar_args=bar,
+    )
+
+    flow_vectors = retrograde_flow(model, state, flow)
+    fastest = max_retrograde_speed(model, state, flow)
+    moving = fastest > LEAST_FLOW * model.rate * R0
+    if moving:
+        chosen = _spread_out(state.r, ARROWS)
+        points = pv.PolyData((state.r - centre + 0.02 * R0 * flow.normals)[chosen])
+        points["flow"] = flow_vectors[chosen]
+        arrows = points.glyph(
+            orient="flow",
+            scale="flow",
+            factor=0.34 * R0 / fastest,
+            geom=pv.Arrow(shaft_radius=0.04),
+        )
+        plotter.add_mesh(arrows, color=INK)
+        start = -1.12 * R0 * rear
+        migration = pv.Arrow(
+            start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
+        )
+        plotter.add_mesh(migration, color="#c2410c")
+        plotter.add_point_labels(
+            [(start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear))],
+            ["migration"],
+            text_color="#c2410c",
+            font_size=30,
+            shape=None,
+            show_points=False,
+            always_visible=True,
+            justification_horizontal="center",
+        )
+    _aim(plotter, rear, side, R0, 0.3 if moving else 0.0)
+
+
+def _color_limits(c: Array, c0: float) -> tuple[float, float]:
+    """From lowest to highest c; a homogeneous cell gets a range that shows no noise."""
+    low, high = float(c.min()), float(c.max())
+    least = 0.05 * max(c0, abs(high))
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        return middle - 0.5 * least, middle + 0.5 * least
+    return low, high
+
+
+def _view_axes(model: Model, step: Step) -> tuple[Array, Array]:
+    """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
+    vector = polarization(model, step.state)
+    size = np.linalg.norm(vector)
+    rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])
+    helper = np.eye(3)[np.argmin(np.abs(rear))]
+    side = np.cross(rear, helper)
+    return rear, side / np.linalg.norm(side)
+
+
+def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
+    """Indices of about `count` nodes evenly spread: farthest-point sampling."""
+    chosen = [0]
+    distance = np.linalg.norm(r - r[0], axis=1)
+    for _ in range(min(count, len(r)) - 1):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(r - r[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _aim(plotter: Any, rear: Array, side: Array, R0: float, lead: float) -> None:
+    focus = -lead * R0 * rear
+    above = np.cross(side, rear)
+    eye = focus + 5.6 * R0 * (side + 0.25 * above + 0.3 * rear)
+    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * R0 * above), tuple(above)]
+    plotter.camera.view_angle = 26.0

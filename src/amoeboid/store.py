@@ -1,0 +1,308 @@
+"""A run's folder: manifest, configuration, time series, frames, checkpoint.
+
+    manifest.json        status, parameters, versions, platform, seed, summary
+    config.toml          the configuration; `amoeboid run config.toml` repeats the run
+    timeseries.csv       one row an accepted step
+    frames.pvd           the frames with their times; open it in ParaView
+    frames/*.vtp         surface, concentration and velocities; also for pyvista.read
+    checkpoint.npz       what `--resume` goes on from
+
+Every file is written under a temporary name and renamed: a killed run leaves nothing half-written.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import platform
+import re
+from collections.abc import Callable
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
+from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
+from amoeboid.simulation import Step
+from amoeboid.surface.model import Flow, Model, State
+from amoeboid.validation import InvalidInput
+
+Array = NDArray[Any]
+
+STEP_COLUMNS = ("step", "t", "dt", "rejected", "rate", "x", "y", "z")
+COLUMNS = (*STEP_COLUMNS, *OBSERVABLES)
+PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista")
+_FRAME_NAME = re.compile(r"frame_\d{5,}\.vtp")
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` make a file under a temporary name beside `path`, then rename it."""
+    temporary = path.with_name(f".{path.stem}.partial{path.suffix}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    write_atomically(path, lambda p: _write(p, text))
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+class Run:
+    """A run's folder, open for appending. Made by `new_run` or `resumed_run`."""
+
+    def __init__(self, folder: Path, config: Config, model: Model) -> None:
+        self.folder = folder
+        self.config = resolved(config)
+        self.model = model
+        self.rows: list[dict[str, float]] = []
+        self.frame_times: list[tuple[float, str]] = []
+
+    def append(self, step: Step) -> dict[str, float]:
+        """Take up one step; returns its row of the time series."""
+        position = dict(zip("xyz", (float(x) for x in step.state.position), strict=True))
+        row = {
+            "step": step.number,
+            "t": step.state.t,
+            "dt": step.dt,
+            "rejected": step.rejected,
+            "rate": step.rate,
+            **position,
+            **observed(self.model, step.state, step.flow),
+        }
+        self.rows.append(row)
+        return row
+
+    def frame_due(self, step: Step) -> bool:
+        """Whether output.interval has passed since the last frame."""
+        if not self.frame_times:
+            return True
+        return step.state.t >= self.frame_times[-1][0] + self.config.output.interval * (1 - 1e-9)
+
+    def save(self, step: Step) -> None:
+        """Write frame, time series and checkpoint of the latest step."""
+        name = f"frame_{len(self.frame_times):05d}.vtp"
+        (self.folder / "frames").mkdir(exist_ok=True)
+        write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, self.model, step))
+        self.frame_times.append((step.state.t, name))
+        write_text(self.folder / "frames.pvd", _collection(self.frame_times))
+        write_text(self.folder / "timeseries.csv", _table(self.rows))
+        write_atomically(
+            self.folder / "checkpoint.npz", lambda p: _write_checkpoint(p, step, self.frame_times)
+        )
+
+    def write_manifest(self, status: str, **more: Any) -> None:
+        """Write manifest.json; `status` is running, finished, interrupted or diverged."""
+        manifest = {
+            "status": status,
+            **more,
+            "parameters": self.config.parameters.as_dict(),
+            **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
+            "seed": self.config.initial.seed,
+            "versions": {name: version(name) for name in PACKAGES},
+            "python": platform.python_version(),
+            "platform": platform.platform(),
+            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in self.frame_times],
+        }
+        write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
+
+
+def new_folder(requested: Path | None) -> Path:
+    """The folder to write to: `requested`, or the first free of amoeboid-run, amoeboid-run-2, ...
+
+    Raises InvalidInput if `requested` already holds something or cannot be made.
+    """
+    if requested is None:
+        requested, count = Path("amoeboid-run"), 1
+        while requested.exists():
+            count += 1
+            requested = Path(f"amoeboid-run-{count}")
+    if requested.exists() and (not requested.is_dir() or any(requested.iterdir())):
+        raise InvalidInput(
+            f"the output folder must be new or empty, {str(requested)!r} is not; "
+            "choose another with -o, or continue it with --resume"
+        )
+    try:
+        requested.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InvalidInput(f"the output folder cannot be made: {error}") from None
+    return requested
+
+
+def new_run(folder: Path, config: Config, model: Model) -> Run:
+    """Start a run in an empty folder."""
+    run = Run(folder, config, model)
+    write_text(folder / "config.toml", config_to_toml(run.config))
+    run.write_manifest("running")
+    return run
+
+
+def stored_config(folder: Path) -> Config:
+    """The configuration of a stored run. Raises InvalidInput if the folder holds none."""
+    path = folder / "config.toml"
+    if not path.is_file():
+        raise InvalidInput(
+            f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
+        )
+    return config_from_toml(path.read_text(encoding="utf-8"))
+
+
+def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
+    """A stored run, ready to go on, and the step it stopped at. Raises InvalidInput."""
+    path = folder / "checkpoint.npz"
+    if not path.is_file():
+        raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
+    try:
+        step, frame_times = _read_checkpoint(path, model)
+        rows = _read_table(folder / "timeseries.csv", step.number)
+    except (OSError, ValueError, KeyError, BadZipFile) as error:
+        raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
+    run = Run(folder, config, model)
+    run.rows, run.frame_times = rows, frame_times
+    write_text(folder / "config.toml", config_to_toml(run.config))
+    run.write_manifest("running")
+    return run, step
+
+
+def write_frame(path: Path, model: Model, step: Step) -> None:
+    """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields.
+
+    Fields: c, v_p, v_c, v (frame of the nodes), retrograde_flow (frame of the cell), normal.
+    """
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    state, flow, faces = step.state, step.flow, model.mesh.faces
+    surface = vtkPolyData()
+    points = vtkPoints()
+    points.SetData(numpy_to_vtk(state.r, deep=True))
+    surface.SetPoints(points)
+    cells = vtkCellArray()
+    triangles = np.column_stack([np.full(len(faces), 3), faces]).ravel()
+    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
+    surface.SetPolys(cells)
+    fields = {
+        "c": state.c,
+        "v_p": flow.v_p,
+        "v_c": flow.v_c,
+        "v": flow.v,
+        "retrograde_flow": retrograde_flow(model, state, flow),
+        "normal": flow.normals,
+    }
+    for name, values in fields.items():
+        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array.SetName(name)
+        surface.GetPointData().AddArray(array)
+    surface.GetPointData().SetActiveScalars("c")
+    for name, value in (("t", [state.t]), ("zeta0", [state.zeta0]), ("position", state.position)):
+        array = numpy_to_vtk(np.asarray(value, dtype=float), deep=True)
+        array.SetName(name)
+        surface.GetFieldData().AddArray(array)
+    writer = vtkXMLPolyDataWriter()
+    writer.SetFileName(str(path))
+    writer.SetInputData(surface)
+    if writer.Write() != 1:
+        raise OSError(f"the frame {str(path)!r} could not be written")
+
+
+def _collection(frame_times: list[tuple[float, str]]) -> str:
+    """ParaView's list of frames and their times (.pvd)."""
+    rows = [
+        f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"frames/{name}")}/>'
+        for t, name in frame_times
+    ]
+    return "\n".join(
+        [
+            '<?xml version="1.0"?>',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
+            "  <Collection>",
+            *rows,
+            "  </Collection>",
+            "</VTKFile>",
+            "",
+        ]
+    )
+
+
+def _table(rows: list[dict[str, float]]) -> str:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _read_table(path: Path, last_step: int) -> list[dict[str, float]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    whole = {"step", "rejected"}
+    rows = [{k: int(v) if k in whole else float(v) for k, v in row.items()} for row in table]
+    return [row for row in rows if row["step"] <= last_step]
+
+
+def _write_checkpoint(path: Path, step: Step, frame_times: list[tuple[float, str]]) -> None:
+    arrays = {
+        "step": np.array([step.number, step.rejected]),
+        "numbers": np.array([step.next_dt, step.rate]),
+        "steady": np.array(step.steady),
+        "frame_times": np.array([t for t, _ in frame_times]),
+        "frame_names": np.array([name for _, name in frame_times]),
+        **_packed("state", step.state),
+        **({} if step.previous is None else _packed("previous", step.previous)),
+        "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
+        "flow_areas": step.flow.node_areas,
+        "flow_zeta0": np.array(step.flow.zeta0),
+    }
+    with path.open("wb") as file:
+        np.savez(file, allow_pickle=False, **arrays)
+
+
+def _packed(name: str, state: State) -> dict[str, Array]:
+    return {
+        f"{name}_r": state.r,
+        f"{name}_c": state.c,
+        f"{name}_scalars": np.array([state.t, state.zeta0]),
+        f"{name}_position": state.position,
+    }
+
+
+def _unpacked(name: str, data: Any, n_nodes: int) -> State:
+    t, zeta0 = data[f"{name}_scalars"]
+    r, c = data[f"{name}_r"], data[f"{name}_c"]
+    if r.shape != (n_nodes, 3) or c.shape != (n_nodes,):
+        raise ValueError(f"the checkpoint has {len(c)} nodes, the mesh of the run {n_nodes}")
+    return State(float(t), r, c, float(zeta0), data[f"{name}_position"])
+
+
+def _read_checkpoint(path: Path, model: Model) -> tuple[Step, list[tuple[float, str]]]:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        n = model.mesh.n_nodes
+        v_c, v_p, normals = data["flow_vectors"]
+        flow = Flow(v_c, v_p, float(data["flow_zeta0"]), normals, data["flow_areas"])
+        number, rejected = (int(x) for x in data["step"])
+        next_dt, rate = (float(x) for x in data["numbers"])
+        previous = _unpacked("previous", data, n) if "previous_r" in data else None
+        state = _unpacked("state", data, n)
+        names = [str(x) for x in data["frame_names"]]
+        times = [float(x) for x in data["frame_times"]]
+        steady = bool(data["steady"])
+    if not all(_FRAME_NAME.fullmatch(name) for name in names):
+        raise ValueError("a frame name in the checkpoint is not one of this program's")
+    step = Step(number, state, flow, previous, next_dt, rejected, rate, steady)
+    return step, list(zip(times, names, strict=True))

@@ -1,0 +1,1 @@
+"""The triangulated 3D shell: one module an operator, `model` puts them together."""

@@ -1,0 +1,47 @@
+"""The viscous cortex: dissipation function, its matrix, and the stress that follows from it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from amoeboid.surface.geometry import Geometry
+from amoeboid.surface.mesh import Connectivity
+
+Array = NDArray[np.float64]
+
+
+def dissipation_blocks(g: Geometry, mesh: Connectivity, eta_s: float, eta_b: float) -> Array:
+    """Second derivative of the dissipation function with respect to node velocities.
+
+    SI `dissipation`: D = integral of (eta_b/2) (tr e)^2 + eta_s e:e, e = half the rate of change
+    of the metric, exact for velocities that are linear on each triangle. Returns the 3 x 3 blocks
+    on the pattern of `mesh` (P, 3, 3) [M/T]; D = v.K.v/2, the viscous force on node i is -(K v)_i.
+    """
+    return _dissipation_blocks(
+        g.face_areas, g.face_normals, g.gradients, mesh.slots, len(mesh.columns), eta_s, eta_b
+    )
+
+
+@njit(cache=True)
+def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b):  # type: ignore[no-untyped-def]
+    blocks = np.zeros((n_slots, 3, 3))
+    for f in range(areas.shape[0]):
+        for a in range(3):
+            for b in range(3):
+                block = blocks[slots[f, a, b]]
+                overlap = 0.0
+                for d in range(3):
+                    overlap += gradients[f, a, d] * gradients[f, b, d]
+                for p in range(3):
+                    for q in range(3):
+                        tangent = -normals[f, p] * normals[f, q]
+                        if p == q:
+                            tangent += 1.0
+                        block[p, q] += areas[f] * (
+                            eta_b * gradients[f, a, p] * gradients[f, b, q]
+                            + eta_s * gradients[f, b, p] * gradients[f, a, q]
+                            + eta_s * overlap * tangent
+                        )
+    return blocks

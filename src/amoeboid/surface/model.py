@@ -1,0 +1,95 @@
+"""The discretised model, the state it acts on, and the flow that one evaluation gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.numerics.banded import GeneralBand, SymmetricBand
+from amoeboid.parameters import Parameters
+from amoeboid.surface.mesh import Connectivity
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Parameters on a fixed connectivity; holds no solution."""
+
+    parameters: Parameters
+    mesh: Connectivity
+
+    @property
+    def A0(self) -> float:
+        """Membrane area that the tension keeps, 4 pi R0^2 [L^2]."""
+        return 4.0 * math.pi * self.parameters.R0**2
+
+    @cached_property
+    def rate(self) -> float:
+        """Parameters.rate: the unit in which slow and steady are measured [1/T]."""
+        return self.parameters.rate
+
+    @cached_property
+    def vector_band(self) -> SymmetricBand:
+        """Solver for symmetric (3V, 3V) matrices of node velocities."""
+        axis = np.arange(3)
+        rows = 3 * self.mesh.rows[:, None, None] + axis[:, None] + 0 * axis
+        columns = 3 * self.mesh.columns[:, None, None] + 0 * axis[:, None] + axis
+        return SymmetricBand(rows.ravel(), columns.ravel(), 3 * self.mesh.n_nodes)
+
+    @cached_property
+    def scalar_band(self) -> GeneralBand:
+        """Solver for (V, V) matrices of node concentrations."""
+        return GeneralBand(self.mesh.rows, self.mesh.columns, self.mesh.n_nodes)
+
+    @cached_property
+    def transposed(self) -> NDArray[np.int64]:
+        """Places of the transposed entries in the pattern of the mesh (P,)."""
+        rows, columns = self.mesh.rows, self.mesh.columns
+        return np.searchsorted(
+            rows * self.mesh.n_nodes + columns, columns * self.mesh.n_nodes + rows
+        )
+
+    @cached_property
+    def diagonal(self) -> NDArray[np.int64]:
+        """Places of the diagonal in the pattern of the mesh (V,)."""
+        return np.flatnonzero(self.mesh.rows == self.mesh.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
+
+    The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has
+    come in the laboratory frame, where the cortex as a whole rests (zero mean cortex velocity).
+    """
+
+    t: float
+    r: Array
+    c: Array
+    zeta0: float
+    position: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """Velocities at the nodes (V, 3) in the frame of the nodes, and the tension with them.
+
+    v_c cortex velocity, v_p polymerization velocity; v = v_c + v_p moves the shape. `normals`
+    (V, 3) outward, `node_areas` (V,) their share of the area.
+    """
+
+    v_c: Array
+    v_p: Array
+    zeta0: float
+    normals: Array
+    node_areas: Array
+
+    @property
+    def v(self) -> Array:
+        """Full velocity v = v_c + v_p."""
+        return self.v_c + self.v_p

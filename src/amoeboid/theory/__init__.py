@@ -1,0 +1,1 @@
+"""Closed forms of the paper and their general form: dimensional, for any law, broadcasting."""

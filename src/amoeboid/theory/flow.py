@@ -1,0 +1,151 @@
+"""Flow and shape that a polarized concentration drives, on the sphere to third order.
+
+theta is the polar angle from the rear (the pole of high concentration, for a > 0).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from amoeboid.polymerization import Array
+from amoeboid.theory.linear import driving_slope, flow_response
+from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.validation import InvalidInput
+
+
+@dataclass(frozen=True, kw_only=True)
+class Harmonics:
+    """Amplitudes of the first three harmonics of c: a P_1 + b P_2 + d P_3 [N/L^2]."""
+
+    a: ArrayLike
+    b: ArrayLike = 0.0
+    d: ArrayLike = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class SphereVelocities:
+    """Velocities at angles theta, components (e_r, e_theta) on the last axis [L/T].
+
+    v_p, v_c, v: perturbations of polymerization, cortex and full velocity in the co-moving frame;
+    v = v_p + v_c is tangential. migration: speed of the cell along +z (negative: towards the
+    front, the pole theta = pi).
+    """
+
+    v_p: Array
+    v_c: Array
+    v: Array
+    migration: Array
+
+
+@finite_result
+def driving_speeds(p: Points, c: Harmonics) -> Array:
+    """Modes l = 1, 2, 3 of v_p + K c to third order in a [L/T], shape (3, ...)."""
+    _, _, f2, f3 = p.v_p_derivatives(p.c0, 3)
+    g1 = driving_slope(p)
+    a, b, d = (np.asarray(x, dtype=float) for x in (c.a, c.b, c.d))
+    first = g1 * a + 2 * f2 * a * b / 5 + f3 * a**3 / 10
+    second = g1 * b + f2 * a**2 / 3
+    third = g1 * d + 3 * f2 * a * b / 5 + f3 * a**3 / 15
+    return np.stack(np.broadcast_arrays(first, second, third))
+
+
+@finite_result
+def flow_potential(p: Points, c: Harmonics, theta: ArrayLike) -> Array:
+    """psi with v = grad_s psi [L^2/T]; SI `eq_flow_potential_perturbation` (whose R is R0 and which
+    drops the P_3 part). Parameters broadcast against theta.
+    """
+    x = np.cos(theta)
+    legendre = (x, (3 * x**2 - 1) / 2, (5 * x**3 - 3 * x) / 2)
+    w = driving_speeds(p, c)
+    return -p.R0 * sum(flow_response(p, l) * w[l - 1] * legendre[l - 1] for l in (1, 2, 3))
+
+
+@finite_result
+def flow_profile(p: Points, c: Harmonics, theta: ArrayLike) -> Array:
+    """Retrograde flow u(theta) along e_theta [L/T]; SI `eq_full_velocity_comoving`, to third order.
+
+    Negative for a > 0: towards the pole of high concentration. Parameters broadcast against theta.
+    """
+    q0, q1, q2 = _flow_polynomial(p, c)
+    x = np.cos(theta)
+    return np.sin(theta) * (q0 + q1 * x + q2 * x**2)
+
+
+@finite_result
+def max_retrograde_speed(p: Points, c: Harmonics) -> Array:
+    """Largest |u| over the sphere [L/T]: the best of 31 angles, refined by Newton's method."""
+    q0, q1, q2 = _flow_polynomial(p, c)
+
+    def speed(theta: Array) -> Array:
+        x = np.cos(theta)
+        return np.abs(np.sin(theta) * (q0 + q1 * x + q2 * x**2))
+
+    angles = np.linspace(0, np.pi, 33)[1:-1]
+    best, at = np.zeros_like(q0), np.full_like(q0, np.pi / 2)
+    for angle in angles:
+        value = speed(angle)
+        at = np.where(value > best, angle, at)
+        best = np.maximum(value, best)
+    step = angles[1] - angles[0]
+    for _ in range(4):
+        x, s = np.cos(at), np.sin(at)
+        q, slope = q0 + q1 * x + q2 * x**2, q1 + 2 * q2 * x
+        first = x * q - s**2 * slope
+        second = -s * (q + 3 * x * slope - 2 * s**2 * q2)
+        move = np.where(second == 0, 0.0, -first / np.where(second == 0, 1.0, second))
+        at = at + np.clip(move, -step, step)
+    return np.maximum(best, speed(at))
+
+
+@finite_result
+def deformation(p: Points, c: Harmonics) -> Array:
+    """Steady rho_2 in r = R0 (1 + rho_2 P_2) at finite delta_P [1]; SI `eq_rho_2` generalized.
+
+    The printed form is the leading order in 1/delta_P; this one holds at any delta_P, to second
+    order in a. Raises InvalidInput where delta_P and v_p(c0) are both 0.
+    """
+    (f0,) = p.v_p_derivatives(p.c0, 0)
+    S = p.eta_s + p.eta_b
+    source = 4 * p.eta_s * S * driving_speeds(p, c)[1]
+    stiffness = p.delta_P * p.R0**2 * (5 * p.eta_s + 3 * p.eta_b) + 4 * p.eta_s * S * f0
+    if np.any(stiffness == 0):
+        raise InvalidInput("delta_P or v_p(c0) must be > 0: nothing holds the shape of the cell")
+    return source / stiffness
+
+
+@finite_result
+def deformation_at_high_pressure(p: Points, c: Harmonics) -> Array:
+    """rho_2 to leading order in 1/delta_P, as SI `eq_rho_2` and `eq_rho_2_inverse` print it [1].
+
+    Raises InvalidInput where delta_P = 0.
+    """
+    if np.any(p.delta_P == 0):
+        raise InvalidInput("delta_P must be > 0 for its expansion in 1/delta_P, got 0")
+    S = p.eta_s + p.eta_b
+    source = 4 * p.eta_s * S * driving_speeds(p, c)[1]
+    return source / (p.delta_P * p.R0**2 * (5 * p.eta_s + 3 * p.eta_b))
+
+
+def sphere_velocities(p: AnyPoints, a: float, theta: ArrayLike) -> SphereVelocities:
+    """The velocity perturbations of figure 2B for c = c0 + a cos(theta), to first order.
+
+    Main text `deltavp`, SI `infinitan`. p is a single point; theta has any shape.
+    """
+    f1, g1 = points(p).v_p_derivatives(p.c0, 1)[1], driving_slope(p)
+    sine, cosine = np.sin(theta), np.cos(theta)
+    zero = np.zeros_like(sine)
+    v_p = np.stack([f1 * a * cosine, zero], axis=-1)
+    v = np.stack([zero, g1 * a * sine], axis=-1)
+    return SphereVelocities(v_p=v_p, v_c=v - v_p, v=v, migration=np.asarray(f1 * a))
+
+
+def _flow_polynomial(p: Points, c: Harmonics) -> tuple[Array, Array, Array]:
+    """Coefficients of u/sin(theta) in powers of x = cos(theta): sum of G_l w_l P_l'(x)."""
+    first, second, third = (
+        flow_response(p, l) * w for l, w in enumerate(driving_speeds(p, c), start=1)
+    )
+    q0, q1, q2 = np.broadcast_arrays(first - 1.5 * third, 3 * second, 7.5 * third)
+    return q0, q1, q2

@@ -1,0 +1,293 @@
+"""Linear theory of the homogeneous sphere: growth rates, thresholds, finite pressure.
+
+Notation: S = eta_s + eta_b, L = l(l+1), f_k the k-th derivative of the law at c0. The elastic
+resistance alpha adds K = alpha R0/(2S) to the slope f_1 and does nothing else (docs/theory.md).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import islice
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from amoeboid.polymerization import Array, Exponential, Inverse
+from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.theory.roots import roots_about
+from amoeboid.validation import InvalidInput
+
+# A law that scales with v_p0 to this accuracy over the whole range of the root search has the
+# threshold that the closed form gives, to the same accuracy.
+PROPORTIONAL = 1e-12
+MOST_THRESHOLDS = 100
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """Every v_p0 > 0 at which a growth rate vanishes.
+
+    v_p0: (n,) ascending [L/T]; onset: (n,) true where stability is lost as v_p0 grows, false
+    where it is regained; reason: why there is none, empty otherwise.
+    """
+
+    v_p0: Array
+    onset: Array
+    reason: str
+
+
+@dataclass(frozen=True)
+class FirstMode:
+    """The mode l that goes unstable first as v_p0 grows, and where [L/T]."""
+
+    l: int
+    v_p0: float
+
+
+@finite_result
+def base_tension(p: Points) -> Array:
+    """Membrane tension zeta_0 of the homogeneous sphere [M/T^2]; main text, force balance.
+
+    Half the pressure times the radius, plus the treadmilling and the elastic pressure.
+    """
+    (f0,) = p.v_p_derivatives(p.c0, 0)
+    return p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
+
+
+@finite_result
+def elastic_slope(p: Points) -> Array:
+    """K = alpha R0/(2S), what the elastic resistance adds to v_p'(c0) [L^3/(T N)]."""
+    return p.alpha * p.R0 / (2 * (p.eta_s + p.eta_b))
+
+
+@finite_result
+def driving_slope(p: Points) -> Array:
+    """g_1 = v_p'(c0) + K, the slope that drives the flow; negative where it polarizes."""
+    return p.v_p_derivatives(p.c0, 1)[1] + elastic_slope(p)
+
+
+def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
+    """G_l: the flow potential of mode l is -R0 G_l times the speed of mode l [1]; G_1 = 1.
+
+    Raises InvalidInput unless l is a whole number >= 1.
+    """
+    L = _degree(l)
+    return 2 * (p.eta_s + p.eta_b) / (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s)
+
+
+@finite_result
+def growth_rate(p: Points, l: ArrayLike) -> Array:
+    """Growth rate lambda_l of the homogeneous sphere [1/T]; SI `lambdal`, `lambdal_compress`.
+
+    Exact for l = 1; for l >= 2 in the limit delta_P -> infinity. l broadcasts with the parameters.
+    Raises InvalidInput unless l is a whole number >= 1.
+    """
+    L = _degree(l)
+    drive = L * flow_response(p, l) * p.c0 * driving_slope(p) / p.R0
+    return -drive - L * p.D / p.R0**2 - p.beta
+
+
+@finite_result
+def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
+    """The driving slope g_1 at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0."""
+    if np.any(np.asarray(p.c0) == 0):
+        raise InvalidInput("c0 must be > 0 for a threshold, got 0: there is nothing to advect")
+    L = _degree(l)
+    return -p.R0 * (L * p.D / p.R0**2 + p.beta) / (L * flow_response(p, l) * p.c0)
+
+
+def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
+    """Every v_p0 > 0 with lambda_l = 0, whatever the law; SI `vpc`, `vpc_inv`, `eq_vpc_compress`.
+
+    p is a single point, its v_p0 is not used. Closed form if the law is proportional to v_p0,
+    otherwise all roots in 16 decades about the natural scale (the lowest 100 of a law that wiggles
+    forever). The printed `eq_vpc_compress` lacks a
+    factor 1/2 (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
+    """
+    p = _single(p)
+    if p.c0 == 0:
+        p.v_p_derivatives(p.c0, 1)
+        return _none("c0 = 0: there are no filaments for the flow to carry")
+    target = float(critical_slope(p, l) - elastic_slope(p))
+    if proportional_to_speed(p):
+        slope = float(p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1])
+        if slope >= 0:
+            return _none("the law does not decrease with c at c0: polymerization stabilizes")
+        if target == 0:
+            return _none("D, beta and alpha are 0: nothing opposes polarization at any v_p0 > 0")
+        return Thresholds(_representable(np.array([target / slope])), np.array([True]), "")
+    scale = abs(target) * float(p.c_r) or float(p.v_p0) or 1.0
+    roots = roots_about(lambda v: growth_rate(p.at_speed(v), l), scale)
+    found = list(islice(roots, MOST_THRESHOLDS))
+    if not found:
+        return _none("lambda is never 0 for this law within 8 decades of its natural speed scale")
+    return Thresholds(np.array(found), np.array([_rises(p, v, l) for v in found]), "")
+
+
+def critical_speed(p: AnyPoints, l: int = 1) -> Array:
+    """Lowest v_p0 with lambda_l = 0 [L/T], broadcasting; SI `vpc`, `vpc_inv`, `eq_vpc_compress`.
+
+    One closed form for all points if the law is proportional to v_p0. Raises InvalidInput, with
+    the reason, if there is no threshold at some point.
+    """
+    p = points(p)
+    if not proportional_to_speed(p):
+        return np.reshape([_lowest(point, l) for point in p.flat()], p.shape)
+    slope = p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1]
+    target = critical_slope(p, l) - elastic_slope(p)
+    if not (np.all(slope < 0) and np.all(target < 0)):
+        absent = ~(np.broadcast_to(slope, p.shape) < 0) | ~(np.broadcast_to(target, p.shape) < 0)
+        _lowest(p.flat()[int(np.flatnonzero(absent)[0])], l)
+    with np.errstate(all="ignore"):
+        return _representable(target / slope)
+
+
+def proportional_to_speed(p: AnyPoints) -> bool:
+    """Whether v_p(c0) and its slope are proportional to v_p0, as the paper's two laws are."""
+    if isinstance(p.law, Exponential | Inverse):
+        return True
+    p = points(p)
+    unit = np.array(p.at_speed(1.0).v_p_derivatives(p.c0, 1))
+    for speed in 10.0 ** np.arange(-8, 9):
+        try:
+            scaled = np.array(p.at_speed(speed).v_p_derivatives(p.c0, 1)) / speed
+        except InvalidInput:
+            return False
+        if np.any(np.abs(scaled - unit) > PROPORTIONAL * np.abs(unit)):
+            return False
+    return True
+
+
+@finite_result
+def finite_pressure_matrix(p: Points, l: ArrayLike) -> Array:
+    """The 2x2 matrix M of d(c_l, rho_l)/dt = M (c_l, rho_l), shape (..., 2, 2), for l >= 2.
+
+    Exact at any delta_P, with r = R0 (1 + rho_l P_l); generalizes SI `lambdal`, derived in
+    docs/theory.md. Raises InvalidInput unless l is a whole number >= 2.
+    """
+    L = _degree(l, lowest=2)
+    S = p.eta_s + p.eta_b
+    (f0,) = p.v_p_derivatives(p.c0, 0)
+    g1 = driving_slope(p)
+    M11 = -L * p.D / p.R0**2 - p.beta - 2 * p.c0 * g1 / p.R0
+    M12 = p.c0 * (L - 2) / p.R0 * (p.delta_P * p.R0**2 / (4 * S) - f0)
+    M21 = g1 / p.R0
+    M22 = -(f0 + p.delta_P * p.R0**2 / 8 * (L / p.eta_s + (L - 2) / S)) / p.R0
+    a, b, c, d = np.broadcast_arrays(M11, M12, M21, M22)
+    return np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
+
+
+@finite_result
+def finite_pressure_rates(p: Points, l: ArrayLike) -> Array:
+    """Its two eigenvalues [1/T], complex, shape (..., 2), the slower-decaying one first."""
+    M = finite_pressure_matrix(p, l)
+    m11, m12, m21, m22 = M[..., 0, 0], M[..., 0, 1], M[..., 1, 0], M[..., 1, 1]
+    mean = (m11 + m22) / 2
+    half_gap = np.sqrt(((m11 - m22) / 2) ** 2 + m12 * m21 + 0j)
+    larger = mean + np.where(mean < 0, -1, 1) * half_gap
+    # The product of the eigenvalues gives the small one without cancellation.
+    determinant = m11 * m22 - m12 * m21
+    real = half_gap.imag == 0
+    smaller = np.where(
+        real & (larger != 0), determinant / np.where(larger == 0, 1, larger), 2 * mean - larger
+    )
+    pair = np.stack([larger, smaller], axis=-1)
+    slow_first = np.argsort(-pair.real, axis=-1, kind="stable")
+    return np.take_along_axis(pair, slow_first, axis=-1)
+
+
+@finite_result
+def critical_pressure(p: Points) -> Array:
+    """delta_P*: below it mode 2 goes unstable before mode 1 [M/(L T^2)]; docs/theory.md.
+
+    v_p0 is not used: the l = 1 threshold takes its place. Raises InvalidInput without a threshold.
+    """
+    (f0,) = p.at_speed(critical_speed(p)).v_p_derivatives(p.c0, 0)
+    S = p.eta_s + p.eta_b
+    resisting = 6 * p.D * (2 * p.eta_s + p.eta_b) + p.R0**2 * p.beta * p.eta_s
+    # Without diffusion and turnover the l = 1 threshold rests on alpha alone; mode 2 never leads.
+    return np.where(
+        resisting > 0, 4 * p.beta * p.eta_s * S * f0 / np.where(resisting > 0, resisting, 1), 0.0
+    )
+
+
+def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:
+    """First v_p0 [L/T] at which each mode l = 1 .. l_max goes unstable at the given delta_P.
+
+    Modes that stay stable are left out. p is a single point; its v_p0 is not used.
+    """
+    p = _single(p)
+    onsets = {}
+    first = thresholds(p)
+    if np.any(first.onset):
+        onsets[1] = float(first.v_p0[np.argmax(first.onset)])
+    scale = onsets.get(1) or float(p.c_r) * float(p.beta * p.R0 + p.D / p.R0) or 1.0
+    for l in range(2, l_max + 1):
+        rate = partial(_slowest, p, l)
+        roots = islice(roots_about(rate, scale), MOST_THRESHOLDS)
+        rising = next((v for v in roots if _is_positive(rate, v * (1 + 1e-6))), None)
+        if rising is not None:
+            onsets[l] = rising
+    return onsets
+
+
+def first_mode(p: AnyPoints, l_max: int = 6) -> FirstMode | None:
+    """The mode among l = 1 .. l_max that goes unstable first, or None if none ever does."""
+    onsets = mode_onsets(p, l_max)
+    if not onsets:
+        return None
+    leading = min(onsets, key=lambda mode: onsets[mode])
+    return FirstMode(leading, onsets[leading])
+
+
+def _slowest(p: Points, l: int, v_p0: ArrayLike) -> Array:
+    return finite_pressure_rates(p.at_speed(v_p0), l)[..., 0].real
+
+
+def _rises(p: Points, v: float, l: int) -> bool:
+    return _is_positive(lambda v: growth_rate(p.at_speed(v), l), v * (1 + 1e-6))
+
+
+def _is_positive(rate: Callable[[ArrayLike], Array], v: float) -> bool:
+    """Whether the rate is positive at v; false where the law is not defined."""
+    try:
+        return bool(rate(v) > 0)
+    except InvalidInput:
+        return False
+
+
+def _lowest(p: Points, l: int) -> float:
+    found = thresholds(p, l)
+    if found.reason:
+        raise InvalidInput(f"no threshold: {found.reason}")
+    return float(found.v_p0[0])
+
+
+def _single(p: AnyPoints) -> Points:
+    p = points(p)
+    if p.shape != ():
+        raise InvalidInput(f"one parameter point is needed here, got points of shape {p.shape}")
+    return p
+
+
+def _none(reason: str) -> Thresholds:
+    return Thresholds(np.empty(0), np.empty(0, dtype=bool), reason)
+
+
+def _representable(v: Array) -> Array:
+    if not np.all(np.isfinite(v)):
+        raise InvalidInput(
+            "the critical v_p0 is beyond double precision; is c0/c_r of a reasonable size?"
+        )
+    return v
+
+
+def _degree(l: ArrayLike, lowest: int = 1) -> Array:
+    """L = l(l+1) of whole numbers l >= lowest."""
+    degree = np.asarray(l)
+    good = degree.dtype.kind in "iu" and bool(np.all(degree >= lowest))
+    if not good:
+        raise InvalidInput(f"l must be a whole number >= {lowest}, got {l!r}")
+    return degree.astype(float) * (degree + 1)

@@ -1,0 +1,70 @@
+"""Where the bifurcation changes from supercritical to subcritical: nu = 0 in the (c0, D) plane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from amoeboid.polymerization import Array
+from amoeboid.theory.coupling import cubic_equations
+from amoeboid.theory.linear import MOST_THRESHOLDS, driving_slope, thresholds
+from amoeboid.theory.points import AnyPoints, Points, points
+from amoeboid.theory.roots import roots_about
+from amoeboid.validation import InvalidInput
+
+
+@dataclass(frozen=True)
+class PhaseBoundary:
+    """Points (c0, D, v_p0) with lambda_1 = nu = 0, shape (n,) each, in the order of c0.
+
+    A c0 may carry none or several. reason: why the curve is empty, otherwise empty itself.
+    """
+
+    c0: Array
+    D: Array
+    v_p0: Array
+    reason: str
+
+
+def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
+    """All D > 0 at which nu = 0 at the threshold, for each c0; main text figure 3C.
+
+    For any law, viscosity ratio and alpha; D and v_p0 of p are not used. On the curve lambda_1 = 0
+    gives D as a function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for
+    c0 <= 0.
+    """
+    base = points(p)
+    values = np.atleast_1d(points(base, c0=c0).c0)
+    if np.any(values <= 0):
+        raise InvalidInput(f"c0 must be > 0 on the phase boundary, got {values.min():.6g}")
+    found = [(c, *pair) for c in values for pair in _crossings(points(base, c0=c))]
+    curve = np.reshape(np.array(found, dtype=float), (-1, 3))
+    reason = "" if found else "nu has one sign for every D > 0 at these c0"
+    return PhaseBoundary(curve[:, 0], curve[:, 1], curve[:, 2], reason)
+
+
+def diffusion_at_threshold(p: Points, v_p0: ArrayLike) -> Array:
+    """D at which lambda_1 = 0 at this v_p0 [L^2/T]; negative where there is none."""
+    g1 = driving_slope(p.at_speed(v_p0))
+    return -p.R0 * (p.c0 * g1 + p.beta * p.R0 / 2)
+
+
+def _crossings(p: Points) -> list[tuple[float, float]]:
+    """Pairs (D, v_p0) with lambda_1 = nu = 0 at one c0."""
+    start = thresholds(points(p, D=1e-12 * (p.R0**2 * p.beta or 1.0)))
+    if start.reason:
+        return []
+
+    def numerator(v: Array) -> Array:
+        # nu lambda_2, which unlike nu has no pole; D < 0 is no model and gives no root.
+        D = diffusion_at_threshold(p, v)
+        allowed = D > 0
+        at = points(p, D=np.where(allowed, D, 1.0)).at_speed(v)
+        e = cubic_equations(at)
+        return np.where(allowed, e.A3 * e.lambda_2 - e.A11 * e.B2, np.nan)
+
+    roots = islice(roots_about(numerator, float(start.v_p0[0])), MOST_THRESHOLDS)
+    return [(float(diffusion_at_threshold(p, v)), v) for v in roots]

@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from amoeboid.parameters import Parameters
+from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.surface.force_balance import force_balance, normal_force, rigid_motions
+from amoeboid.surface.geometry import area_gradient, geometry, volume_gradient
+from amoeboid.surface.initial import sphere
+from amoeboid.surface.model import Model
+from amoeboid.surface.operators import block_matrix, normal_blocks, stiffness
+from amoeboid.surface.stepping import flow_of
+from amoeboid.theory.linear import base_tension
+from surface.shapes import lumpy, observed_orders
+
+
+@pytest.mark.parametrize(
+    "p", [Parameters(), Parameters(alpha=0.2, law="inverse", eta_b=2.0, R0=2.0, delta_P=40.0)]
+)
+def test_homogeneous_sphere_rests_and_its_tension_converges(p):
+    """v_c = -v_p(c0) n, zeta0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0."""
+    sizes, tension_errors, flows = [], [], []
+    for subdivisions in (2, 3, 4):
+        model, state = sphere(p, subdivisions)
+        flow = flow_of(model, state, 0.1 / model.rate)
+        sizes.append(len(state.r))
+        tension_errors.append(flow.zeta0 / base_tension(p) - 1)
+        flows.append(np.abs(flow.v).max() / p.v_p(p.c0))
+        # the discrete equilibrium: no shape motion at all
+        v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
+        assert np.abs(v_n).max() < 1e-6 * p.v_p(p.c0)
+    assert np.all(np.abs(observed_orders(sizes, tension_errors) - 2) < 0.1), tension_errors
+    # what flow remains within the surface is the mesh's, small and falling
+    assert flows[0] < 3e-3
+    assert flows[2] < flows[1] < flows[0]
+
+
+def test_polarized_sphere_moves_its_cortex_as_a_whole():
+    """c = c0 + a cos(theta): v_c changes by the uniform -f_1 a e_z, main text `deltavp`."""
+    p, a = Parameters(), 1e-3
+    exact = -float(p.v_p_derivatives(p.c0, 1)[1]) * a
+    sizes, errors = [], []
+    for subdivisions in (2, 3, 4):
+        model, rest = sphere(p, subdivisions)
+        z = rest.r[:, 2] / np.linalg.norm(rest.r, axis=1)
+        v = []
+        for sign in (1, -1):
+            state = type(rest)(0.0, rest.r, rest.c + sign * a * z, rest.zeta0, rest.position)
+            v.append(flow_of(model, state, 1.0).v_c)
+        change = 0.5 * (v[0] - v[1])
+        sizes.append(len(z))
+        areas = geometry(rest.r, model.mesh.faces).node_areas
+        squares = areas @ (change - [0, 0, exact]) ** 2
+        errors.append(np.sqrt(squares.sum() / areas.sum()) / exact)
+    # small from the start; the order is still rising towards two
+    assert np.all(observed_orders(sizes, errors) > 1.2), errors
+    assert errors[-1] < 1e-4
+
+
+def test_solution_satisfies_the_balance_it_was_asked_for():
+    """K v_c + zeta0 G - delta_P B - elastic + dt zeta L_n v, built independently, vanishes."""
+    r, mesh = lumpy()
+    p = Parameters(alpha=0.3)
+    model = Model(p, mesh)
+    g = geometry(r, mesh.faces)
+    c = 3 + np.sin(r[:, 0])
+    dt, lagged, zeta0 = 0.1, 150.0, 149.0
+    solution = force_balance(model, r, g, c, dt, lagged)
+    v = solution.v(zeta0)
+    v_c = v - solution.v_p
+    viscous = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b), mesh) @ v_c.ravel()
+    implicit = block_matrix(normal_blocks(stiffness(g, mesh), g.normals, mesh), mesh)
+    elastic = np.zeros_like(r)
+    for f, corners in enumerate(mesh.faces):
+        elastic[corners] += p.alpha * c[corners].mean() * g.face_areas[f] * g.gradients[f]
+    residual = (
+        viscous
+        + dt * lagged * (implicit @ v.ravel())
+        + (
+            zeta0 * normal_force(area_gradient(g, mesh.faces), r, g)
+            - p.delta_P * volume_gradient(r, mesh.faces)
+            - elastic
+        ).ravel()
+    )
+    # what is left is the torque that keeps the rotation zero
+    rotations = rigid_motions(r, g)[:, 3:]
+    weighted = np.repeat(g.node_areas, 3)[:, None] * rotations
+    left = residual - weighted @ np.linalg.lstsq(weighted, residual, rcond=None)[0]
+    assert np.abs(left).max() < 1e-6 * np.abs(p.delta_P * volume_gradient(r, mesh.faces)).max()
+    assert np.abs(weighted.T @ v_c.ravel()).max() < 1e-9 * np.abs(v_c).max()
+
+
+def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():
+    r, mesh = lumpy()
+    g = geometry(r, mesh.faces)
+    force = normal_force(area_gradient(g, mesh.faces), r, g)
+    rigid = rigid_motions(r, g)
+    np.testing.assert_allclose(rigid.T @ force.ravel(), 0, atol=1e-12)
+    tangential = force - np.einsum("vi,vi->v", force, g.normals)[:, None] * g.normals
+    assert np.linalg.norm(tangential) < 0.02 * np.linalg.norm(force)

@@ -1,0 +1,171 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from amoeboid.cli.main import COMMANDS, main
+
+QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
+RUN_KEYS = {
+    "max_retrograde_speed",
+    "c_front",
+    "c_rear",
+    "zeta0",
+    "area_error",
+    "steps",
+    "wall_s",
+    "steady",
+    "output",
+}
+COMMAND = [sys.executable, "-c", "import sys; from amoeboid.cli.main import main; sys.exit(main())"]
+
+
+def test_json_is_one_object_and_nothing_else(tmp_path, capsys):
+    folder = tmp_path / "run"
+    assert main(["run", *QUICK, "--json", "-o", str(folder)]) == 0
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert result.keys() >= RUN_KEYS
+    assert result["output"] == str(folder)
+    assert result["area_error"] < 1e-12
+    assert not result["steady"]
+    assert err == ""
+    names = {"manifest.json", "config.toml", "timeseries.csv", "frames.pvd", "frames", "cell.png"}
+    assert names <= {p.name for p in folder.iterdir()}
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "finished"
+    assert manifest["summary"]["steps"] == result["steps"]
+
+
+def test_summary_names_the_numbers_and_the_folder(tmp_path, capsys):
+    assert main(["run", *QUICK, "-o", str(tmp_path / "run")]) == 0
+    out = capsys.readouterr().out
+    assert "max_retrograde_speed" in out
+    assert "end of time at t = 1" in out
+    assert "frames.pvd" in out
+
+
+def test_the_stored_configuration_repeats_the_run(tmp_path, capsys):
+    assert main(["run", *QUICK, "--json", "-o", str(tmp_path / "a")]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert main(["run", str(tmp_path / "a/config.toml"), "--json", "-o", str(tmp_path / "b")]) == 0
+    second = json.loads(capsys.readouterr().out)
+    for key in RUN_KEYS - {"wall_s", "output"}:
+        assert first[key] == second[key]
+
+
+def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
+    folder = str(tmp_path / "run")
+    assert main(["run", *QUICK, "--json", "-o", folder]) == 0
+    before = json.loads(capsys.readouterr().out)
+    assert main(["run", "--resume", folder]) == 2
+    assert "time.end" in capsys.readouterr().err
+    assert main(["run", "--resume", folder, "--set", "time.end=2", "--json"]) == 0
+    after = json.loads(capsys.readouterr().out)
+    assert after["steps"] > before["steps"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--set", "beta=-1"], "beta must be a finite number >= 0, got -1"),
+        (["--set", "D=abc"], "D must be a finite number >= 0, got 'abc'"),
+        (["--set", "delta_p=3"], "did you mean delta_P"),
+        (["--set", "law=__import__('os')"], "is not allowed"),
+        (["--set", "law=inverse", "--set", "c0=0"], "inverse law needs c > 0"),
+        (["--set", "initial.perturbation=4"], "initial.perturbation = 4"),
+        (["--set", "mesh.subdivisions=0"], "mesh.subdivisions"),
+        (["missing.toml"], "missing.toml"),
+        (["--resume", "missing"], "config.toml"),
+        (["--resume", "missing", "-o", "x"], "--resume goes on in its own folder"),
+    ],
+)
+def test_user_mistakes_get_one_message_and_exit_code_2(
+    arguments, says, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    assert err.startswith("amoeboid run: ")
+    assert err.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_wrong_files_are_named(tmp_path, capsys):
+    path = tmp_path / "c.toml"
+    path.write_text("[parameters]\nD = 'many'\n")
+    assert main(["run", str(path)]) == 2
+    assert "D must be" in capsys.readouterr().err
+    path.write_bytes(b"\xff\xfe\x00")
+    assert main(["run", str(path)]) == 2
+    assert "UTF-8" in capsys.readouterr().err
+    assert main(["run", str(tmp_path)]) == 2
+
+
+@pytest.mark.parametrize("arguments", [[], ["walk"], ["run", "--speed"], ["run", "a", "b"]])
+def test_unknown_commands_and_options_exit_with_2(arguments, capsys):
+    with pytest.raises(SystemExit) as leaving:
+        main(arguments)
+    assert leaving.value.code == 2
+    assert "usage" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("command", [[], *[[name] for name in COMMANDS]])
+def test_help_is_quick_because_it_imports_little(command):
+    code = (
+        "import sys\nfrom amoeboid.cli.main import main\n"
+        f"try:\n    main({[*command, '--help']!r})\n"
+        "except SystemExit as e:\n    assert e.code == 0\n"
+        "heavy = 'numba scipy vtkmodules pyvista matplotlib sympy pint dask'.split()\n"
+        "loaded = [name for name in heavy if name in sys.modules]\n"
+        "assert not loaded, loaded\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "usage: amoeboid" in done.stdout
+
+
+def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys):
+    folder = tmp_path / "run"
+    bad = ["law=inverse", "D=1e-4", "v_p0=30", "initial.perturbation=2.9", "mesh.subdivisions=1"]
+    settings = [word for setting in bad for word in ("--set", setting)]
+    assert main(["run", *settings, "--json", "-o", str(folder)]) == 1
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert result["status"] == "diverged"
+    assert not result["steady"]
+    assert "diverged: at t = " in err
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "diverged"
+    assert (folder / manifest["frames"][-1]["file"]).is_file()
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
+    folder = tmp_path / "run"
+    long = ["--set", "mesh.subdivisions=2", "--set", "time.end=1e6", "--json", "-o", str(folder)]
+    run = [*COMMAND, "run", *long, "--set", "time.stop_when_steady=false"]
+    with subprocess.Popen(
+        run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        deadline = time.monotonic() + 120
+        while not (folder / "frames" / "frame_00002.vtp").exists():
+            assert process.poll() is None, process.communicate()
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        process.send_signal(how)
+        out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert json.loads(out)["status"] == "interrupted"
+    assert "Traceback" not in err
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "interrupted"
+    assert not [name for _, _, files in os.walk(folder) for name in files if "partial" in name]
+    end = str(manifest["t"] + 0.5)
+    assert main(["run", "--resume", str(folder), "--set", f"time.end={end}", "--json"]) == 0

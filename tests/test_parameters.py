@@ -1,0 +1,89 @@
+import math
+from dataclasses import FrozenInstanceError, fields
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from amoeboid.parameters import (
+    PARAMETER_NAMES,
+    Parameters,
+    parameters_from,
+    parameters_from_toml,
+    parameters_to_toml,
+)
+from amoeboid.validation import InvalidInput
+
+NUMBERS = tuple(name for name in PARAMETER_NAMES if name != "law")
+POSITIVE = ("R0", "eta_s", "c_r")
+
+
+def test_defaults_are_the_parameter_table():
+    # SI, table `tab_params`, column "simulation"
+    table = dict(R0=1, delta_P=300, eta_s=1, eta_b=1, c0=3, c_r=1, beta=1, D=0.03, v_p0=3.8)
+    p = Parameters()
+    assert {name: getattr(p, name) for name in table} == table
+    assert p.alpha == 0
+    assert p.law.name == "exponential"
+
+
+def test_parameters_are_frozen():
+    with pytest.raises(FrozenInstanceError):
+        Parameters().D = 1.0
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize(
+    "bad", [-1.0, math.nan, math.inf, -math.inf, True, "1", None, [1.0], 1j, 10**400]
+)
+def test_bad_values_are_refused_with_field_rule_and_value(name, bad):
+    with pytest.raises(InvalidInput) as refusal:
+        Parameters(**{name: bad})
+    message = str(refusal.value)
+    assert name in message
+    assert "must be" in message
+    assert repr(bad) in message
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+def test_zero_is_refused_only_where_the_model_breaks(name):
+    if name in POSITIVE:
+        with pytest.raises(InvalidInput, match=f"{name} must be a finite number > 0"):
+            Parameters(**{name: 0})
+    else:
+        assert getattr(Parameters(**{name: 0}), name) == 0.0
+
+
+def test_unknown_names_are_refused_with_a_suggestion():
+    with pytest.raises(InvalidInput, match="did you mean eta_s"):
+        parameters_from({"eta_S": 1.0})
+    with pytest.raises(InvalidInput, match="'viscosity' is no parameter"):
+        Parameters().replace(viscosity=1.0)
+
+
+def test_numpy_numbers_are_taken_as_plain_floats():
+    p = Parameters(D=np.float64(0.1), c0=np.int64(2))
+    assert type(p.D) is float
+    assert type(p.c0) is float
+
+
+@given(
+    st.fixed_dictionaries(
+        {n: st.floats(min_value=1e-300, max_value=1e300) for n in NUMBERS},
+        optional={"law": st.sampled_from(["exponential", "inverse", "v_p0/(1 + (c/c_r)**2)"])},
+    )
+)
+def test_toml_reads_back_equal(values):
+    p = parameters_from(values)
+    assert parameters_from_toml(parameters_to_toml(p)) == p
+
+
+def test_broken_toml_is_refused():
+    with pytest.raises(InvalidInput, match="valid TOML"):
+        parameters_from_toml("D = ")
+
+
+def test_every_field_has_a_meaning():
+    for f in fields(Parameters):
+        assert f.name == "law" or f.metadata["doc"]

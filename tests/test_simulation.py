@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from amoeboid.config import Config, Initial, Mesh, Output, Time
+from amoeboid.parameters import Parameters
+from amoeboid.simulation import Diverged, evolve, start
+
+QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
+
+
+def steps_of(config, events=()):
+    model, first = start(config)
+    return model, list(evolve(model, first, config.time, events))
+
+
+def test_a_run_ends_exactly_at_its_time():
+    _, steps = steps_of(replace(QUICK, time=Time(end=1.7)))
+    assert steps[-1].state.t == pytest.approx(1.7, rel=1e-14)
+    assert steps[-1].ended == "end of time"
+    assert all(step.ended is None for step in steps[:-1])
+
+
+def test_a_run_ends_when_steady_unless_told_otherwise():
+    _, steps = steps_of(QUICK)
+    assert steps[-1].ended == "steady"
+    assert steps[-1].steady
+    goes_on = replace(QUICK, time=Time(end=steps[-1].state.t + 2, stop_when_steady=False))
+    _, longer = steps_of(goes_on)
+    assert longer[-1].ended == "end of time"
+    # a steady state does not depend on how long one looks at it
+    np.testing.assert_allclose(longer[-1].state.c, steps[-1].state.c, rtol=1e-4)
+
+
+def test_a_run_ends_at_an_event():
+    def past_one(step):
+        return "t passed 1" if step.state.t > 1 else None
+
+    _, steps = steps_of(QUICK, [past_one])
+    assert steps[-1].ended == "t passed 1"
+    assert steps[-2].state.t <= 1 < steps[-1].state.t
+
+
+def test_a_tiny_growing_polarization_is_not_mistaken_for_a_steady_state():
+    config = replace(
+        QUICK,
+        parameters=Parameters(D=0.03, v_p0=6.0),
+        initial=Initial(perturbation=1e-6),
+    )
+    _, steps = steps_of(config)
+    assert steps[-1].ended == "steady"
+    assert steps[-1].state.c.max() > 5
+
+
+def test_error_control_follows_the_tolerance():
+    """A tenth of the tolerance: about sqrt(10) times the steps, and a smaller error."""
+    counts, ends = [], []
+    for tolerance in (1e-4, 1e-5, 1e-7):
+        _, steps = steps_of(replace(QUICK, time=Time(end=1.0, tolerance=tolerance)))
+        counts.append(len(steps))
+        ends.append(steps[-1].state.c)
+    errors = [np.abs(c - ends[-1]).max() for c in ends[:-1]]
+    assert errors[1] < 0.6 * errors[0]
+    assert 2.2 < counts[1] / counts[0] < 4.5
+    assert errors[0] < 0.01 * ends[-1].max()
+
+
+def test_the_same_input_gives_the_same_bits():
+    config = replace(
+        QUICK, initial=Initial(perturbation=1.0, noise=0.1, seed=5), time=Time(end=1.0)
+    )
+    _, a = steps_of(config)
+    _, b = steps_of(config)
+    assert len(a) == len(b)
+    assert np.array_equal(a[-1].state.r, b[-1].state.r)
+    assert np.array_equal(a[-1].state.c, b[-1].state.c)
+    assert np.array_equal(a[-1].flow.v_c, b[-1].flow.v_c)
+
+
+def test_a_run_continued_from_any_step_is_the_uninterrupted_one():
+    config = replace(QUICK, time=Time(end=2.0))
+    model, steps = steps_of(config)
+    again = list(evolve(model, steps[4], config.time))
+    assert [s.number for s in again] == [s.number for s in steps[5:]]
+    assert np.array_equal(again[-1].state.r, steps[-1].state.r)
+    assert np.array_equal(again[-1].state.c, steps[-1].state.c)
+
+
+def test_a_run_that_cannot_go_on_says_why_and_keeps_its_good_steps():
+    # the inverse law drives filaments off a nearly bare front
+    config = replace(
+        QUICK,
+        parameters=Parameters(law="inverse", D=1e-4, v_p0=30.0),
+        initial=Initial(perturbation=2.9),
+    )
+    model, first = start(config)
+    good = [first]
+    with pytest.raises(Diverged, match=r"at t = .*(step|concentration)"):
+        for step in evolve(model, first, config.time):
+            good.append(step)
+    assert all(np.all(np.isfinite(s.state.c)) and s.state.c.min() >= 0 for s in good)
+    assert all(np.all(np.isfinite(s.state.r)) and np.isfinite(s.rate) for s in good)

@@ -1,0 +1,184 @@
+import json
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
+from amoeboid.observables import observed, retrograde_flow
+from amoeboid.simulation import evolve, model_of, start
+from amoeboid.store import (
+    COLUMNS,
+    new_folder,
+    new_run,
+    resumed_run,
+    stored_config,
+    write_atomically,
+    write_text,
+)
+from amoeboid.validation import InvalidInput
+
+CONFIG = Config(
+    mesh=Mesh(subdivisions=1),
+    initial=Initial(perturbation=1.0),
+    time=Time(end=1.5),
+    output=Output(interval=0.4),
+)
+
+
+def run_into(folder, config=CONFIG, stop_after=None):
+    model, step = start(config)
+    run = new_run(new_folder(folder), config, model)
+    run.append(step)
+    run.save(step)
+    for step in evolve(model, step, config.time):
+        run.append(step)
+        if run.frame_due(step) or step.ended:
+            run.save(step)
+        if step.number == stop_after:
+            run.save(step)
+            break
+    return model, run, step
+
+
+def test_frames_open_in_pyvista_with_all_fields(tmp_path):
+    model, run, last = run_into(tmp_path / "run")
+    times = [t for t, _ in run.frame_times]
+    assert times[0] == 0
+    assert times[-1] == pytest.approx(1.5)
+    assert all(b - a >= 0.4 * (1 - 1e-9) for a, b in pairwise(times[:-1]))
+    series = pv.get_reader(str(tmp_path / "run" / "frames.pvd"))
+    assert series.time_values == pytest.approx(times)
+    series.set_active_time_value(series.time_values[-1])
+    surface = series.read()[0]
+    assert surface.n_points == 42
+    assert surface.is_manifold
+    np.testing.assert_array_equal(surface.points, last.state.r)
+    np.testing.assert_array_equal(surface["c"], last.state.c)
+    np.testing.assert_array_equal(surface["v"], last.flow.v_c + last.flow.v_p)
+    np.testing.assert_array_equal(
+        surface["retrograde_flow"], retrograde_flow(model, last.state, last.flow)
+    )
+    assert surface.field_data["t"][0] == last.state.t
+    # the triangles look outward, as VTK wants it
+    assert surface.volume > 0
+
+
+def test_time_series_has_every_step_and_observable(tmp_path):
+    model, _, last = run_into(tmp_path / "run")
+    table = np.genfromtxt(tmp_path / "run" / "timeseries.csv", delimiter=",", names=True)
+    assert table.dtype.names == COLUMNS
+    assert np.array_equal(table["step"], np.arange(last.number + 1))
+    assert np.all(np.isfinite([table[name] for name in COLUMNS]))
+    for name, value in observed(model, last.state, last.flow).items():
+        assert table[name][-1] == value
+
+
+def test_manifest_says_how_to_repeat_the_run(tmp_path):
+    _, run, _ = run_into(tmp_path / "run")
+    run.write_manifest("finished", ended="end of time")
+    manifest = json.loads((tmp_path / "run" / "manifest.json").read_text())
+    assert manifest["status"] == "finished"
+    assert manifest["parameters"]["v_p0"] == 6.0
+    assert manifest["seed"] == 0
+    assert {"amoeboid", "numpy", "scipy", "numba"} <= manifest["versions"].keys()
+    assert [f["file"] for f in manifest["frames"]] == [f"frames/{n}" for _, n in run.frame_times]
+    assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == resolved(CONFIG)
+
+
+def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
+    _, _, whole = run_into(tmp_path / "whole")
+    run_into(tmp_path / "halves", stop_after=7)
+    config = stored_config(tmp_path / "halves")
+    assert config == resolved(CONFIG)
+    model = model_of(config)
+    run, step = resumed_run(tmp_path / "halves", config, model)
+    assert step.number == 7
+    assert [row["step"] for row in run.rows] == list(range(8))
+    for step in evolve(model, step, config.time):
+        run.append(step)
+    assert step.number == whole.number
+    assert np.array_equal(step.state.r, whole.state.r)
+    assert np.array_equal(step.state.c, whole.state.c)
+    assert step.state.zeta0 == whole.state.zeta0
+
+
+def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "table.csv"
+    write_text(path, "old")
+
+    def fail(temporary):
+        temporary.write_text("half")
+        raise OSError("disk full")
+
+    with pytest.raises(OSError, match="disk full"):
+        write_atomically(path, fail)
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_folders_that_hold_something_are_refused(tmp_path):
+    write_text(tmp_path / "notes", "mine")
+    with pytest.raises(InvalidInput, match="new or empty"):
+        new_folder(tmp_path)
+    with pytest.raises(InvalidInput, match="new or empty"):
+        new_folder(tmp_path / "notes")
+    with pytest.raises(InvalidInput, match="cannot be made"):
+        new_folder(tmp_path / "notes" / "run")
+    assert new_folder(tmp_path / "a" / "b").is_dir()
+
+
+def test_default_folders_are_numbered(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert [str(new_folder(None)) for _ in range(3)] == [
+        "amoeboid-run",
+        "amoeboid-run-2",
+        "amoeboid-run-3",
+    ]
+
+
+def test_what_cannot_be_resumed_is_refused(tmp_path):
+    with pytest.raises(InvalidInput, match=r"config\.toml"):
+        stored_config(tmp_path)
+    model = model_of(CONFIG)
+    with pytest.raises(InvalidInput, match="checkpoint"):
+        resumed_run(tmp_path, CONFIG, model)
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    other = replace(CONFIG, mesh=Mesh(subdivisions=2))
+    with pytest.raises(InvalidInput, match="42 nodes, the mesh of the run 162"):
+        resumed_run(run.folder, other, model_of(other))
+    (run.folder / "checkpoint.npz").write_bytes(b"PK\x03\x04 no archive")
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        resumed_run(run.folder, CONFIG, model)
+
+
+def test_no_pickle_is_ever_loaded(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=1)
+    path = run.folder / "checkpoint.npz"
+    with np.load(path, allow_pickle=False) as data:
+        arrays = dict(data)
+    arrays["frame_names"] = np.array([object()], dtype=object)
+    np.savez(path, **arrays)
+    with pytest.raises(InvalidInput, match="cannot be read"):
+        resumed_run(run.folder, CONFIG, run.model)
+
+
+def test_frame_names_from_a_file_never_leave_the_folder(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=1)
+    path = run.folder / "checkpoint.npz"
+    with np.load(path, allow_pickle=False) as data:
+        arrays = dict(data)
+    arrays["frame_names"] = np.array(["../../outside.vtp"] * len(arrays["frame_names"]))
+    np.savez(path, **arrays)
+    with pytest.raises(InvalidInput, match="frame name"):
+        resumed_run(run.folder, CONFIG, run.model)
+
+
+def test_collection_is_well_formed(tmp_path):
+    _, run, _ = run_into(tmp_path / "run")
+    tree = ElementTree.parse(run.folder / "frames.pvd")  # noqa: S314  (our own file)
+    sets = tree.getroot().find("Collection").findall("DataSet")
+    assert [(run.folder / s.get("file")).is_file() for s in sets] == [True] * len(run.frame_times)

@@ -1,0 +1,156 @@
+"""`amoeboid theory` as a user calls it."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from amoeboid.cli.main import main
+from amoeboid.parameters import Parameters
+from amoeboid.theory.linear import critical_speed, thresholds
+
+CONTRACT = {
+    "v_p_critical",
+    "growth_rates",
+    "growth_rates_finite_pressure",
+    "nu",
+    "bifurcation",
+    "max_retrograde_speed",
+    "delta_P_star",
+}
+
+
+def _json(capsys, *arguments):
+    assert main(["theory", "--json", *arguments]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert out.count("\n") == 1
+    return json.loads(out)
+
+
+def _set(**changes):
+    return [text for name, value in changes.items() for text in ("--set", f"{name}={value}")]
+
+
+def test_json_has_the_keys_of_the_contract(capsys):
+    found = _json(capsys)
+    assert set(found) >= CONTRACT
+    assert found["v_p_critical"] == pytest.approx(float(critical_speed(Parameters())))
+    assert list(found["growth_rates"]) == ["1", "2", "3", "4", "5", "6"]
+    assert list(found["growth_rates_finite_pressure"]) == ["2", "3", "4", "5", "6"]
+    slow, fast = found["growth_rates_finite_pressure"]["2"]
+    assert slow > fast
+    assert found["bifurcation"] == "supercritical"
+    assert 0.2 < found["relative_error"] < 0.5
+
+
+def test_table_is_readable_and_names_everything(capsys):
+    assert main(["theory"]) == 0
+    out = capsys.readouterr().out
+    for words in ("3.54844", "-0.0130014", "supercritical", "-0.327339", "estimated relative"):
+        assert words in out
+
+
+def test_physical_units(capsys):
+    found = _json(capsys, "--physical")
+    assert found["v_p_critical"] == pytest.approx(1.46060025, rel=1e-8)
+    assert found["units"]["v_p_critical"] == "um/s"
+    assert found["max_retrograde_speed"] == pytest.approx(0.17, abs=0.005)
+    stiff = _json(capsys, "--physical", *_set(alpha="4.16058e-20 Pa m^3"))
+    assert stiff["v_p_critical"] == pytest.approx(1.614, abs=5e-4)
+    # Rates in 1/s: beta is 0.1/s.
+    assert found["growth_rates"]["1"] == pytest.approx(2 * 1.7 / found["v_p_critical"] * (
+        3e-4 + 0.05) - 2 * 3e-4 - 0.1, rel=1e-9)  # fmt: skip
+    assert main(["theory", "--physical"]) == 0
+    assert "um/s" in capsys.readouterr().out
+
+
+SILENT = [
+    {"c0": 0},
+    {"D": 0},
+    {"beta": 0},
+    {"v_p0": 0},
+    {"delta_P": 0},
+    {"eta_b": 0},
+    {"alpha": 5},
+    {"D": 0, "beta": 0},
+    {"D": 0, "beta": 0, "alpha": 0.1},
+    {"D": 0, "beta": 0, "alpha": 0.1, "law": "v_p0/(1+c)"},
+    {"law": "v_p0*c/c_r"},
+    {"law": "v_p0*(1 - v_p0/40)*exp(-c/c_r)"},
+    {"law": "v_p0*exp(-(c/c_r-3)**2)"},
+    {"law": "1 + 0*c"},
+    {"law": "exp(-c)"},
+    {"law": "v_p0*sin(c)"},
+    {"law": "log(v_p0)*c"},
+    {"D": 0.4, "v_p0": 5.9},
+    {"D": 0.4, "v_p0": 7},
+    {"delta_P": 0, "v_p0": 3.6},
+    {"delta_P": 60, "beta": 60, "v_p0": 40},
+    {"v_p0": 0, "delta_P": 0, "law": "inverse"},
+    {"c0": 700},
+    {"v_p0": 1e6},
+]
+
+
+@pytest.mark.parametrize("changes", SILENT, ids=str)
+def test_odd_but_valid_points_get_an_answer(capsys, changes):
+    found = _json(capsys, *_set(**changes))
+    assert set(found) >= CONTRACT
+    if found["v_p_critical"] is None:
+        assert any("no threshold" in note for note in found["notes"])
+        assert found["nu"] is None
+    if found["max_retrograde_speed"] in (None, 0.0):
+        assert found["notes"]
+    assert main(["theory", *_set(**changes)]) == 0
+    assert "nan" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (_set(c0=0, law="inverse"), "c > 0"),
+        (_set(c0=-1), "c0 must be a finite number >= 0"),
+        (_set(R0=0), "R0 must be a finite number > 0"),
+        (_set(D="abc"), "D must be"),
+        (_set(nonsense=1), "nonsense"),
+        (_set(law="v_p0*exp(-d)"), "the name 'd'"),
+        (_set(law="v_p0/(c-3)"), "must be finite"),
+        (_set(R0=1e-200), "beyond double precision"),
+        (_set(v_p0=1e308, c0=1e-5), "beyond double precision"),
+        (["--set", "D"], "name=value"),
+        (["--physical", "--set", "D=1 parrot"], "number with a unit"),
+        (["--physical", "--set", "D=0.3"], "dimension"),
+        (["--physical", "--set", "R0=3 s"], "R0 must have the dimension L"),
+        (["--physical", "--set", "time.end=3 s"], "no parameter"),
+        (["--physical", "--set", "D="], "name=value"),
+        (["--physical", *_set(law="foo")], "law"),
+    ],
+    ids=str,
+)
+@pytest.mark.parametrize("format_", [[], ["--json"]], ids=["table", "json"])
+def test_user_mistakes_get_one_message_and_exit_code_2(capsys, arguments, words, format_):
+    assert main(["theory", *format_, *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert words in err
+    assert err.startswith("amoeboid theory: ")
+    assert "Traceback" not in err
+
+
+def test_json_goes_through_a_real_process():
+    run = subprocess.run(
+        [sys.executable, "-c", "import amoeboid.cli.main as m; m.main()", "theory", "--json"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert run.returncode == 0
+    assert json.loads(run.stdout)["v_p_critical"] > 0
+
+
+def test_several_thresholds_are_all_listed(capsys):
+    law = "v_p0*(1 - v_p0/40)*exp(-c/c_r)"
+    found = _json(capsys, *_set(law=law))
+    assert found["thresholds"] == pytest.approx(thresholds(Parameters(law=law)).v_p0.tolist())
+    assert len(found["thresholds"]) == 2
+    assert any("several thresholds" in note for note in found["notes"])

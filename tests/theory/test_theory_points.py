@@ -1,0 +1,93 @@
+import doctest
+import time
+
+import numpy as np
+import pytest
+
+import amoeboid.theory.points as points_module
+from amoeboid.parameters import Parameters
+from amoeboid.theory.amplitude import cubic_coefficient
+from amoeboid.theory.branch import prediction
+from amoeboid.theory.linear import (
+    critical_pressure,
+    critical_speed,
+    finite_pressure_rates,
+    growth_rate,
+)
+from amoeboid.theory.points import points
+from amoeboid.validation import InvalidInput
+
+
+@pytest.fixture(scope="module")
+def million():
+    rng = np.random.default_rng(0)
+    n = 10**6
+    return points(
+        Parameters(),
+        D=rng.uniform(0.01, 1, n),
+        c0=rng.uniform(1, 4, n),
+        eta_b=rng.uniform(0.1, 3, n),
+        alpha=rng.uniform(0, 0.1, n),
+        v_p0=rng.uniform(1, 8, n),
+    )
+
+
+@pytest.mark.parametrize("law", ["exponential", "inverse"])
+@pytest.mark.parametrize(
+    "function",
+    [
+        lambda p: growth_rate(p, 3),
+        critical_speed,
+        cubic_coefficient,
+        critical_pressure,
+        lambda p: finite_pressure_rates(p, 2),
+    ],
+    ids=["growth_rate", "critical_speed", "nu", "delta_P_star", "finite_pressure_rates"],
+)
+def test_a_million_points_take_less_than_a_second(million, function, law):
+    p = points(million, law=law)
+    durations = []
+    for _ in range(3):
+        # Processor time: other programs on the machine do not count.
+        start = time.process_time()
+        found = function(p)
+        durations.append(time.process_time() - start)
+    assert min(durations) < 1
+    assert found.shape[0] == 10**6
+    assert np.all(np.isfinite(found))
+
+
+def test_a_prediction_per_point_needs_no_loop(million):
+    p = points(Parameters(), D=million.D[:1000], v_p0=million.v_p0[:1000])
+    found = prediction(p)
+    assert found.relative_error.shape == (1000,)
+    assert np.all(np.isfinite(found.next_order_speed))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"D": [0.1, -0.1]}, "D must be a finite number >= 0, got -0.1"),
+        ({"R0": [1.0, 0.0]}, "R0 must be a finite number > 0, got 0"),
+        ({"c0": [np.nan, 1.0]}, "c0 must be a finite number >= 0, got nan"),
+        ({"beta": "x"}, "beta must be a finite number >= 0, got 'x'"),
+        ({"beta": [[1], [2, 3]]}, "beta must be"),
+        ({"beta": [True]}, "beta must be"),
+        ({"gamma": 1.0}, "'gamma' is no parameter"),
+        ({"D": [1.0, 2.0], "c0": [1.0, 2.0, 3.0]}, r"must broadcast, got shapes c0: \(3,\)"),
+    ],
+)
+def test_bad_arrays_are_refused(changes, message):
+    with pytest.raises(InvalidInput, match=message):
+        points(Parameters(), **changes)
+
+
+def test_flat_lists_the_points_in_order():
+    p = points(Parameters(), D=[[0.1], [0.2]], c0=[1.0, 2.0, 3.0])
+    assert [(float(q.D), float(q.c0)) for q in p.flat()] == [
+        (D, c0) for D in (0.1, 0.2) for c0 in (1.0, 2.0, 3.0)
+    ]
+
+
+def test_examples_in_the_docstrings():
+    assert doctest.testmod(points_module).failed == 0

@@ -1,0 +1,94 @@
+import pint
+import pytest
+
+from amoeboid.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.theory.linear import critical_speed, growth_rate
+from amoeboid.units import PAPER_CELL, in_unit, magnitude, to_physical, to_simulation
+from amoeboid.validation import InvalidInput
+
+AVOGADRO = 6.02214076e23
+
+
+def test_the_paper_cell_in_simulation_units():
+    p, scales = to_simulation({})
+    assert (p.R0, p.beta, p.eta_s, p.c_r) == (1, 1, 1, 1)
+    # Numbers per um^2: 8.5e-6 mol/l of monomers in 0.19 um; 1 l = 1e15 um^3.
+    reference = 8.5e-6 * AVOGADRO / 1e15 * 0.19
+    assert p.c0 == pytest.approx(1370 / reference, rel=1e-12)
+    assert pytest.approx(0.03 / (100 * 0.1), rel=1e-12) == p.D
+    assert p.delta_P == pytest.approx(300 * 1e-5 / (2.7e-3 * 0.1), rel=1e-12)
+    assert p.v_p0 == pytest.approx(1.7 / (10 * 0.1), rel=1e-12)
+    assert scales.length == pytest.approx(1e-5)
+    assert scales.time == pytest.approx(10)
+
+
+def test_simulation_units_and_back():
+    given = {"alpha": "4.16e-20 Pa m^3", "delta_P": "0.7 kPa", "eta_b": "1 mN s/m"}
+    p, scales = to_simulation(given)
+    back = to_physical(p, scales)
+    assert set(back) == set(PARAMETER_NAMES)
+    again, _ = to_simulation({k: str(v) if k != "law" else v for k, v in back.items()})
+    for name in PARAMETER_NAMES:
+        if name != "law":
+            assert getattr(again, name) == pytest.approx(getattr(p, name), rel=1e-12)
+    assert back["alpha"].to("Pa m^3").magnitude == pytest.approx(4.16e-20)
+    assert back["delta_P"].to("Pa").magnitude == pytest.approx(700)
+
+
+def test_results_do_not_depend_on_the_units_of_the_input():
+    metric, scales = to_simulation({"alpha": "4e-20 Pa m^3"})
+    other, _ = to_simulation(
+        {"R0": "1e-2 mm", "beta": "6 / min", "alpha": "40 zPa m^3", "c0": "1.37e11 / cm^2"}
+    )
+    assert critical_speed(other) == pytest.approx(critical_speed(metric), rel=1e-12)
+    # The scaled model is the same model: lambda in 1/s computed in SI units directly.
+    si = {k: v.magnitude for k, v in to_physical(metric, scales).items() if k != "law"}
+    direct = growth_rate(Parameters(**si), 1)
+    assert in_unit(float(growth_rate(metric, 1)), "1/T", scales, "1/s") == pytest.approx(
+        float(direct), rel=1e-10
+    )
+
+
+def test_conserved_filaments_take_the_time_of_diffusion():
+    _, scales = to_simulation({"beta": "0 / s"})
+    assert scales.time == pytest.approx(100 / 0.03)
+
+
+def test_pint_quantities_are_taken_as_they_are_read():
+    registry = pint.application_registry.get()
+    assert magnitude("3 umol/l * 190 nm", "1/um^2") == pytest.approx(343.26, rel=1e-4)
+    with pytest.raises(InvalidInput, match="must be a number with a unit"):
+        to_simulation({"R0": registry})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"c0": "3 um"}, r"c0 must have the dimension N/L\^2, such as '1370 / um\^2', got '3 um'"),
+        ({"v_p0": "2 Pa"}, "v_p0 must have the dimension L/T"),
+        ({"R0": "10"}, "R0 must have the dimension L, .* got '10' .dimensionless"),
+        ({"alpha": "1 Pa m^2"}, "alpha must have the dimension"),
+        ({"D": "1 parrot"}, "D must be a number with a unit"),
+        ({"D": "__import__('os')"}, "D must be a number with a unit"),
+        ({"D": "1/0 um"}, "D must be a number with a unit"),
+        ({"D": 3.0}, "D must be a number with a unit"),
+        ({"D": "9**9**9 um^2/s"}, "D must be a number with a unit"),
+        ({"D": "9^(9^9) um^2/s"}, "D must be a number with a unit"),
+        ({"D": "9^99 um^2/s"}, "D must be a number with a unit"),
+        ({"c0": "-1 / um^2"}, "c0 must be a finite number >= 0"),
+        ({"radius": "10 um"}, "'radius' is no parameter"),
+        ({"beta": "0 / s", "D": "0 um^2/s"}, "beta and D must not both be 0"),
+    ],
+)
+def test_wrong_input_is_refused_and_named(given, message):
+    with pytest.raises(InvalidInput, match=message):
+        to_simulation(given)
+
+
+def test_magnitude_refuses_another_dimension():
+    with pytest.raises(InvalidInput, match="measurable in um"):
+        magnitude("3 s", "um")
+
+
+def test_the_paper_cell_names_every_parameter():
+    assert set(PAPER_CELL) == set(PARAMETER_NAMES)
