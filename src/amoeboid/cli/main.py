@@ -14,6 +14,9 @@ from amoeboid.validation import InvalidInput
 COMMANDS = {
     "run": "a 3D simulation; with no argument, figure 3D of the paper",
     "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
+    "steady": "all axisymmetric steady states found at one parameter point, with stability",
+    "branch": "continuation of the polarized state: points, folds, branch points, stability",
+    "phase-diagram": "super/subcritical boundary and the bistable region",
 }
 
 FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130

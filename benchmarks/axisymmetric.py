@@ -1,0 +1,96 @@
+"""Timings of the axisymmetric solver on one core; prints what it measures beside the goal.
+
+Run as `python benchmarks/axisymmetric.py [--grid 40]`. Processor time, best of a few repetitions
+where a task is short: other programs on the machine then count least.
+"""
+
+from __future__ import annotations
+
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+import argparse  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Callable  # noqa: E402
+
+import numpy as np  # noqa: E402
+
+from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states  # noqa: E402
+from amoeboid.axisymmetric.evolution import perturbed_sphere, settled  # noqa: E402
+from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram  # noqa: E402
+from amoeboid.axisymmetric.stability import unstable_modes  # noqa: E402
+from amoeboid.axisymmetric.steady import steady_state  # noqa: E402
+from amoeboid.numerics.continuation import Options  # noqa: E402
+from amoeboid.parameters import Parameters  # noqa: E402
+
+
+def timed(task: Callable[[], object], repetitions: int) -> tuple[float, float]:
+    """Best processor and wall-clock time of a task in seconds."""
+    best = (np.inf, np.inf)
+    for _ in range(repetitions):
+        cpu, wall = time.process_time(), time.perf_counter()
+        task()
+        best = (
+            min(best[0], time.process_time() - cpu),
+            min(best[1], time.perf_counter() - wall),
+        )
+    return best
+
+
+def figure_branches() -> tuple[int, int]:
+    """The branches of figures 3A and 3B with folds and stability; their numbers of points."""
+    a = branch_from_sphere(
+        Parameters(D=0.03),
+        "v_p0",
+        Window(0.0, 4.2),
+        options=Options(parameter_scale=3.55, max_step=0.024, first_step=0.02),
+    )
+    b = branch_from_sphere(
+        Parameters(D=0.4),
+        "v_p0",
+        Window(0.0, 8.0),
+        options=Options(parameter_scale=6.0, max_step=0.068),
+    )
+    assert a is not None
+    assert b is not None
+    assert all(isinstance(q.stable, bool) for branch in (a, b) for q in branch.points)
+    assert len(b.folds) == 1
+    return len(a.points), len(b.points)
+
+
+def diagram(count: int) -> None:
+    """A count x count phase diagram with its fold line."""
+    values, speeds = np.linspace(0.03, 0.6, count), np.linspace(3.0, 8.0, count)
+    columns = tuple(phase_columns(Parameters(), "D", values, speeds))
+    assert phase_diagram(Parameters(), "D", values, speeds, columns).fold_line
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--grid", type=int, default=40, help="side of the phase diagram (40)")
+    grid = parser.parse_args().grid
+    p = Parameters(D=0.4, v_p0=6.0)
+    near = steady_states(p, degrees=(1,))[-1]
+    moved = p.replace(v_p0=6.05)
+    points = figure_branches()
+    rows: list[tuple[str, tuple[float, float], str]] = [
+        ("steady state from a nearby one", timed(lambda: steady_state(moved, near), 20), "0.030"),
+        ("its spectra, m = 0, 1, 2, 3", timed(lambda: unstable_modes(near), 20), ""),
+        (f"branches 3A and 3B, {points[0]} + {points[1]} points", timed(figure_branches, 3), "2"),
+        (
+            "time evolution to the steady state",
+            timed(lambda: settled(p, perturbed_sphere(p, {1: 3.0}), 500.0), 2),
+            "",
+        ),
+        (f"phase diagram {grid} x {grid} with fold line", timed(lambda: diagram(grid), 1), "60"),
+    ]
+    print(f"{'task':48}{'cpu s':>10}{'wall s':>10}{'goal s':>10}")
+    for name, (cpu, wall), goal in rows:
+        print(f"{name:48}{cpu:10.4f}{wall:10.4f}{goal:>10}")
+
+
+if __name__ == "__main__":
+    main()

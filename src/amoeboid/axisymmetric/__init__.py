@@ -1,0 +1,1 @@
+"""The free-shape axisymmetric cell at spectral accuracy: steady states, branches, evolution."""

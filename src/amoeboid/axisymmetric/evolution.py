@@ -1,0 +1,288 @@
+"""Time evolution of the free-shape axisymmetric cell: shape and concentration, implicit in time.
+
+State y: the sine coefficients 2..n-1 of psi - x and the n cosine coefficients of c. The first
+sine coefficient follows from closure and the length scale from the area 4 pi R0^2, so both hold
+to rounding at all times. At each instant the force balance gives u, the normal cortex velocity w
+and zeta_0; the surface moves with V = w + v_p(c) along its normal, and its points slide along
+the meridian so that they stay equidistant. Frame: without net motion along the axis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
+from amoeboid.axisymmetric.shape import Shape, shape
+from amoeboid.axisymmetric.spectral import grid, resized
+from amoeboid.axisymmetric.steady import (
+    MAX_MODES,
+    MODES,
+    SteadyState,
+    series_maximum,
+    steady_state,
+)
+from amoeboid.axisymmetric.unknowns import split
+from amoeboid.numerics.derivatives import Dual, stacked
+from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
+from amoeboid.numerics.newton import solve
+from amoeboid.parameters import Parameters
+from amoeboid.validation import InvalidInput
+
+Array = NDArray[Any]
+
+TAIL = 1e-9
+
+
+@dataclass(frozen=True)
+class Instant:
+    """The cell at time t: sine coefficients of psi - x and u, cosine coefficients of c; zeta_0.
+
+    `rate` is the scaled rate of change of the state, zero when it is steady.
+    """
+
+    parameters: Parameters
+    t: float
+    n: int
+    y: Array
+    psi: Array
+    u: Array
+    c: Array
+    length_scale: float
+    zeta0: float
+    rate: float
+
+    @property
+    def max_retrograde_speed(self) -> float:
+        """Maximum of the tangential velocity over the surface [length/time]."""
+        return series_maximum(self.u)
+
+    @property
+    def c_front(self) -> float:
+        """c at the pole of low concentration."""
+        return float(min(self.c.sum(), (self.c * (-1.0) ** np.arange(self.n)).sum()))
+
+    @property
+    def c_rear(self) -> float:
+        """c at the pole of high concentration."""
+        return float(max(self.c.sum(), (self.c * (-1.0) ** np.arange(self.n)).sum()))
+
+    @property
+    def shape(self) -> Shape:
+        """Geometry at the grid points."""
+        g = grid(self.n)
+        psi = g.x + g.odd_values[:, : self.n - 1] @ self.psi
+        slope = 1.0 + g.odd_slopes[:, : self.n - 1] @ self.psi
+        return shape(g, psi, slope, np.array([self.length_scale]))
+
+    def as_guess(self) -> SteadyState:
+        """This instant as a guess for the steady state nearby (not converged)."""
+        scalars = [self.length_scale, self.zeta0, 0.0, 0.0]
+        x = np.concatenate([self.psi, self.u, self.c, scalars])
+        return SteadyState(self.parameters, self.n, x, False, ())
+
+
+@dataclass(frozen=True)
+class Dynamics:
+    """y' = rate(y) for one parameter point and n points."""
+
+    parameters: Parameters
+    n: int = MODES
+
+    @property
+    def point(self) -> Any:
+        """The parameters as plain attributes."""
+        return SimpleNamespace(**{**self.parameters.as_dict(), "law": self.parameters.law})
+
+    def rate(self, y: Array) -> Array:
+        """dy/dt, shape (2 n - 2,)."""
+        closed = self.closed(y)
+        q = self._velocities(closed)
+        n = self.n
+        g = grid(n)
+        return self._rates(closed, g.odd_values @ q[:n], g.even_values @ q[n : 2 * n])
+
+    def jacobian(self, y: Array) -> Array:
+        """Exact d(rate)/dy, shape (2 n - 2, 2 n - 2)."""
+        n, m = self.n, y.size
+        closed = self.closed(y)
+        q = self._velocities(closed)
+        opened = self._differentiable(closed, m + q.size)
+        g, seeds = grid(n), np.eye(m + q.size)[m:]
+        u = Dual(g.odd_values @ q[:n], g.odd_values @ seeds[:n])
+        w = Dual(g.even_values @ q[n : 2 * n], g.even_values @ seeds[n : 2 * n])
+        zeta0, axial = (Dual(q[k : k + 1], seeds[k : k + 1]) for k in (2 * n, 2 * n + 1))
+        balance = self._balance(opened, u, w, zeta0, axial).derivatives
+        rates = self._rates(opened, u, w).derivatives
+        return rates[:, :m] - rates[:, m:] @ solve(balance[:, m:], balance[:, :m])
+
+    def closed(self, y: Array) -> tuple[Shape, Array, Array]:
+        """(shape, c at the points, sine coefficients of psi - x) of a state."""
+        n, g = self.n, grid(self.n)
+        coefficients = np.concatenate([[0.0], y[: n - 2]])
+        sines, slopes = g.odd_values[:, : n - 1], g.odd_slopes[:, : n - 1]
+        for _ in range(30):
+            psi = g.x + sines @ coefficients
+            step = np.mean(np.cos(psi)) / np.mean(np.sin(psi) * sines[:, 0])
+            coefficients[0] += step
+            if abs(step) < 1e-15:
+                break
+        psi = g.x + sines @ coefficients
+        unit = shape(g, psi, 1.0 + slopes @ coefficients, np.ones(1))
+        if not (np.all(unit.r > 0) and float(unit.area[0]) > 0):
+            raise InvalidInput("the surface must not touch its axis; use a smaller perturbation")
+        scale = self.parameters.R0 * np.sqrt(4 * np.pi / unit.area)
+        c = g.even_values @ y[n - 2 :]
+        return shape(g, psi, unit.psi_slope, scale), c, coefficients
+
+    def _differentiable(
+        self, closed: tuple[Shape, Array, Array], size: int
+    ) -> tuple[Shape, Dual, Array]:
+        """The same with derivatives to y, through closure and area."""
+        here, c, coefficients = closed
+        n, g = self.n, grid(self.n)
+        gap = -np.mean(here.sin_psi[:, None] * g.odd_values[:, : n - 1], axis=0)
+        follow = np.vstack([-gap[1:] / gap[0], np.eye(n - 2)])
+        seed = np.zeros((n - 1, size))
+        seed[:, : n - 2] = follow
+        psi = Dual(g.x + g.odd_values[:, : n - 1] @ coefficients, g.odd_values[:, : n - 1] @ seed)
+        slope = Dual(here.psi_slope, g.odd_slopes[:, : n - 1] @ seed)
+        area = shape(g, psi, slope, np.ones(1)).area
+        scale = self.parameters.R0 * np.sqrt(4 * np.pi / area.values)
+        opened = shape(g, psi, slope, area.map(scale, -scale / (2 * area.values)))
+        c_seed = np.zeros((n, size))
+        c_seed[:, n - 2 : 2 * n - 2] = g.even_values
+        return opened, Dual(c, c_seed), coefficients
+
+    def _balance(self, closed: Any, u: Any, w: Any, zeta0: Any, axial: Any) -> Any:
+        here, c, _ = closed
+        p = self.point
+        tangential, normal = forces(here, stress(here, u, w, c, zeta0, p), axial, p)
+        V = w + speed(c, p)
+        fixed_area = here.surface_integral(here.curvature_sum * V)
+        at_rest = here.surface_integral(here.cos_psi * V)
+        return stacked([tangential, normal, fixed_area, at_rest])
+
+    def _velocities(self, closed: tuple[Shape, Array, Array]) -> Array:
+        """Coefficients of u and w, zeta_0 and the slack axial force, from the force balance."""
+        n, g = self.n, grid(self.n)
+        seeds = np.eye(2 * n + 2)
+        u = Dual(np.zeros(n), g.odd_values @ seeds[:n])
+        w = Dual(np.zeros(n), g.even_values @ seeds[n : 2 * n])
+        zeta0, axial = (Dual(np.zeros(1), seeds[k : k + 1]) for k in (2 * n, 2 * n + 1))
+        balance = self._balance(closed, u, w, zeta0, axial)
+        return solve(balance.derivatives, -balance.values)
+
+    def _rates(self, closed: Any, u: Any, w: Any) -> Any:
+        here, c, _ = closed
+        p, g, n = self.point, grid(self.n), self.n
+        V = w + speed(c, p)
+        slide = -(g.integral @ (here.psi_slope * V))
+        turning = here.kappa_1 * slide - here.even_slope(V)
+        c_rate = slide * here.even_slope(c) - c * here.curvature_sum * V + transport(here, c, u, p)
+        return stacked([g.to_odd[1 : n - 1] @ turning, g.to_even @ c_rate])
+
+    def scales(self) -> Array:
+        """Magnitude of the entries of y."""
+        p = self.parameters
+        return np.repeat([1.0, p.c0 if p.c0 > 0 else p.c_r], [self.n - 2, self.n])
+
+    def instant(self, t: float, y: Array) -> Instant:
+        """The cell at a state y."""
+        here, _, coefficients = self.closed(y)
+        n = self.n
+        q = self._velocities((here, grid(n).even_values @ y[n - 2 :], coefficients))
+        rate = float(np.sqrt(np.mean((self.rate(y) / self.scales()) ** 2)))
+        return Instant(
+            self.parameters, t, n, y, coefficients, q[:n], y[n - 2 :],
+            float(here.scale[0]), float(q[2 * n]), rate,
+        )  # fmt: skip
+
+    def resolved(self, y: Array) -> bool:
+        """Whether the series of psi and c have decayed."""
+        count = max(2, self.n // 8)
+        psi, c = np.abs(y[: self.n - 2]), np.abs(y[self.n - 2 :])
+        return bool(psi[-count:].max() <= TAIL and c[-count:].max() <= TAIL * c.max())
+
+    def refined(self, y: Array) -> tuple[Dynamics, Array]:
+        """Twice the points, and y on them."""
+        n = 2 * self.n
+        halves = resized(y[: self.n - 2], n - 2), resized(y[self.n - 2 :], n)
+        return Dynamics(self.parameters, n), np.concatenate(halves)
+
+
+def perturbed_sphere(
+    p: Parameters,
+    concentration: Mapping[int, float],
+    angle: Mapping[int, float] | None = None,
+    n: int = MODES,
+) -> Array:
+    """State y of a sphere with c = c0 + sum a_k cos(k x) and psi = x + sum b_k sin(k x), k >= 2.
+
+    `concentration` maps k >= 0 to a_k [1/length^2], `angle` k to b_k. Raises InvalidInput.
+    """
+    y = np.zeros(2 * n - 2)
+    y[n - 2] = p.c0
+    for k, amplitude in concentration.items():
+        if not 0 <= k < n:
+            raise InvalidInput(f"a mode of c must lie between 0 and {n - 1}, got {k}")
+        y[n - 2 + k] += amplitude
+    for k, amplitude in (angle or {}).items():
+        if not 2 <= k < n:
+            raise InvalidInput(f"a mode of the shape must lie between 2 and {n - 1}, got {k}")
+        y[k - 2] += amplitude
+    return y
+
+
+def state_of(state: SteadyState) -> Array:
+    """The state y of a steady state."""
+    psi, _, c, _ = split(state.x, state.n)
+    return np.concatenate([psi[1:], c])
+
+
+def evolve(
+    p: Parameters, y: Array, end: float = np.inf, control: Control | None = None
+) -> Iterator[Instant]:
+    """The cell from the state y at t = 0 on, one instant a step, the first one included.
+
+    The number of points doubles when the series need it. Raises StepTooSmall if the error cannot
+    be controlled or MAX_MODES do not resolve the state, InvalidInput for an impossible start.
+    """
+    dynamics = Dynamics(p, (y.size + 2) // 2)
+    base = control or Control()
+    t, step = 0.0, base.first_step
+    yield dynamics.instant(t, y)
+    while t < end * (1 - 1e-14):
+        settings = replace(base, scale=dynamics.scales(), first_step=step)
+        for taken in integrate(dynamics.rate, dynamics.jacobian, y, settings, t, end):
+            t, y, step = taken.t, taken.y, taken.step
+            yield dynamics.instant(t, y)
+            if not dynamics.resolved(y):
+                break
+        while not dynamics.resolved(y):
+            if 2 * dynamics.n > MAX_MODES:
+                raise StepTooSmall(f"{dynamics.n} modes do not resolve the cell at t = {t:.6g}")
+            dynamics, y = dynamics.refined(y)
+
+
+def settled(
+    p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
+) -> Instant:
+    """The last instant of an evolution: steady to `rate`, or at time `end`."""
+    last = None
+    for last in evolve(p, y, end, control):
+        if last.rate <= rate:
+            break
+    if last is None:
+        raise InvalidInput(f"end must be > 0, got {end!r}")
+    return last
+
+
+def polished(instant: Instant) -> SteadyState:
+    """The steady state that Newton's method reaches from an instant."""
+    return steady_state(instant.parameters, instant.as_guess())

@@ -1,0 +1,358 @@
+"""Linear stability of a steady state to perturbations exp(i m phi) of shape and concentration.
+
+The surface moves along its normal by h, the concentration changes by c', the cortex velocity by
+(a, i b, w) along (t, e_phi, n). All equations are linearized in convected coordinates: with
+X' = h n, X'_1 = h_s n + kappa_1 h t, X'_2 = i (m/r) h n + kappa_2 h e_phi, the strain rate is
+D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
+integral of sqrt(g) sigma^ij X_j . y_i = integral of delta_P sqrt(g) n . y for all velocities y.
+Translations and rotations are neutral; the spectrum is that of what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
+from amoeboid.axisymmetric.spectral import even_basis, odd_basis
+from amoeboid.axisymmetric.steady import SteadyState, homogeneous
+from amoeboid.axisymmetric.unknowns import split
+from amoeboid.numerics.newton import solve
+from amoeboid.parameters import Parameters
+from amoeboid.validation import InvalidInput
+
+Array = NDArray[Any]
+
+AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
+NEUTRAL = 1e-7
+"""Growth rates below this fraction of the typical rate do not count as unstable."""
+
+
+ROTATION_SEEN = 1e-6
+"""A homogeneous sphere looks the same after a rotation: no mode is removed for it."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """The steady state at the nodes of a basis; every entry has shape (nodes, 1)."""
+
+    measure: Array
+    r: Array
+    z: Array
+    sin_psi: Array
+    cos_psi: Array
+    kappa_1: Array
+    kappa_2: Array
+    U: Array
+    W: Array
+    stretch_1: Array
+    stretch_2: Array
+    shear: Array
+    sigma_1: Array
+    sigma_2: Array
+    c: Array
+    c_s: Array
+    slope: Array
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Growth rates [1/time] for one azimuthal number, fastest first, rigid motions left out.
+
+    `modes` holds one column each: harmonic coefficients of h, then of c'.
+    """
+
+    m: int
+    rates: Array
+    modes: Array
+    basis: Harmonics
+
+
+def degree_for(state: SteadyState) -> int:
+    """Degree of harmonics that resolves what the steady state's own series resolves."""
+    psi, u, c, _ = split(state.x, state.n)
+    last = 0
+    for series in (c, u, np.concatenate([[1.0], psi])):
+        large = np.nonzero(np.abs(series) > 1e-7 * np.abs(series).max())[0]
+        last = max(last, int(large[-1]) if large.size else 0)
+    return min(max(12, last + 4), max(state.n, 12))
+
+
+def spectrum(state: SteadyState, m: int, degree: int | None = None) -> Spectrum:
+    """Growth rates of perturbations exp(i m phi) about a converged steady state.
+
+    Raises InvalidInput if the state is not converged.
+    """
+    matrix, removed, basis = reduced_matrix(state, m, degree or degree_for(state))
+    complement = np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
+    rates, modes = np.linalg.eig(complement.T @ matrix @ complement)
+    order = np.argsort(-rates.real, kind="stable")
+    return Spectrum(m, rates[order], complement @ modes[:, order], basis)
+
+
+def growth_rates(state: SteadyState, m: int, degree: int | None = None) -> Array:
+    """The rates of `spectrum` alone, fastest first; cheaper."""
+    matrix, removed, _ = reduced_matrix(state, m, degree or degree_for(state))
+    complement = np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
+    rates = np.linalg.eigvals(complement.T @ matrix @ complement)
+    return rates[np.argsort(-rates.real, kind="stable")]
+
+
+def unstable_modes(state: SteadyState, degree: int | None = None) -> dict[int, int]:
+    """Number of growing modes for m = 0, 1, 2, 3 (for m > 0 per sense of rotation)."""
+    return {m: count_unstable(growth_rates(state, m, degree)) for m in AZIMUTHAL_NUMBERS}
+
+
+def count_unstable(rates: Array) -> int:
+    """How many growth rates are positive beyond rounding."""
+    return int(np.sum(rates.real > NEUTRAL * np.median(np.abs(rates))))
+
+
+def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
+    """Rates of (rho_l, c_l) on the homogeneous sphere, from the linearization of this module.
+
+    Shape (2, 2) for l >= 2 and (1, 1), c alone, for l = 0 and 1, whose h is no deformation.
+    """
+    matrix, _, basis = reduced_matrix(homogeneous(p, 4), 0, max(l, 2))
+    count = basis.degrees.size
+    kept = [l, count + l] if l >= 2 else [count + l]
+    return matrix[np.ix_(kept, kept)]
+
+
+def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Array, Harmonics]:
+    """(A, removed, basis): A is the rate of (h, c'); `removed` spans what the spectrum leaves out.
+
+    That is the constraint of fixed area and, at beta = 0, of the filament number (m = 0), and the
+    neutral translation (m = 0, 1) and rotation (m = 1).
+    """
+    if not state.converged:
+        raise InvalidInput("stability needs a converged steady state; this one is not")
+    basis = harmonics(m, degree, (3 * degree) // 2 + 4)
+    base = base_fields(state, basis)
+    trial = _trial_velocities(base, basis, state.length_scale)
+    perturbed = _perturbed_fields(base, basis, state.length_scale)
+    rigid = _rigid_motions(base, m)
+    response = _velocity_response(state.parameters, base, trial, perturbed, rigid)
+    h_rate, c_rate = _rates(state.parameters, base, perturbed, response)
+    mass = basis.values.T @ (base.measure * basis.values)
+    matrix = np.vstack([np.linalg.solve(mass, h_rate), np.linalg.solve(mass, c_rate)])
+    removed = _removed(state.parameters, base, basis, mass, rigid)
+    return matrix, removed, basis
+
+
+def base_fields(state: SteadyState, basis: Harmonics) -> Base:
+    """The fields of a steady state that the linearization needs, at the nodes of the basis."""
+    n, scale, p = state.n, state.length_scale, state.parameters
+    a_psi, a_u, a_c, scalars = split(state.x, n)
+    x = basis.x
+    sines, cosines = odd_basis(x, n), even_basis(x, n)
+    k = np.arange(1, n + 1)
+    psi = x + sines[:, : n - 1] @ a_psi
+    psi_slope = 1.0 + (cosines[:, 1:] * k[:-1]) @ a_psi
+    even_slopes = -(sines * k)
+    odd_slopes = np.cos(np.outer(x, k)) * k
+    r, z = state.position(x)
+    u, c = sines @ a_u, cosines @ a_c
+    u_slope, c_slope = odd_slopes @ a_u, even_slopes[:, : n - 1] @ a_c[1:]
+    speed, slope = p.v_p_derivatives(c, 1)
+    kappa_1, kappa_2 = psi_slope / scale, np.sin(psi) / r
+    stretch_1 = u_slope / scale - kappa_1 * speed
+    stretch_2 = np.cos(psi) / r * u - kappa_2 * speed
+    isotropic = (stretch_1 + stretch_2) * p.eta_b - p.alpha * c + scalars[1]
+    measure = basis.weights * scale * r / np.sin(x)
+    entries = (
+        measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
+        stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
+        isotropic + 2 * p.eta_s * stretch_1, isotropic + 2 * p.eta_s * stretch_2,
+        c, c_slope / scale, slope,
+    )  # fmt: skip
+    return Base(*(e[:, None] for e in entries))
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Basis velocities (a, i b, w) and the strain rates they make, one column each.
+
+    `stretch_1`, `stretch_2` are the extension rates, i `shear` twice the shear rate; `lean` is the
+    n component of dv/ds, i `tilt` that of dv/(r dphi).
+    """
+
+    a: Array
+    b: Array
+    w: Array
+    stretch_1: Array
+    stretch_2: Array
+    shear: Array
+    lean: Array
+    tilt: Array
+
+
+def _trial_velocities(base: Base, basis: Harmonics, scale: float) -> Trial:
+    m = int(basis.degrees[0])
+    tangent = slice(1, None) if m == 0 else slice(None)
+    P, slope, over = basis.values, basis.slopes[:, tangent], basis.over_sine[:, tangent]
+    slope_s, over_s = basis.curvatures[:, tangent], basis.over_sine_slopes[:, tangent]
+    none, still = np.zeros((P.shape[0], 0)), np.zeros_like(P)
+    rotation = (none, none, none, none) if m == 0 else (over, slope, over_s, slope_s)
+    a = np.hstack([slope, rotation[0], still])
+    b = np.hstack([over, rotation[1], still])
+    a_s = np.hstack([slope_s, rotation[2], still]) / scale
+    b_s = np.hstack([over_s, rotation[3], still]) / scale
+    w = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), P])
+    w_s = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), basis.slopes]) / scale
+    wave, cot = m / base.r, base.cos_psi / base.r
+    return Trial(
+        a=a,
+        b=b,
+        w=w,
+        stretch_1=a_s + base.kappa_1 * w,
+        stretch_2=cot * a - wave * b + base.kappa_2 * w,
+        shear=wave * a - cot * b + b_s,
+        lean=w_s - base.kappa_1 * a,
+        tilt=wave * w - base.kappa_2 * b,
+    )
+
+
+@dataclass(frozen=True)
+class Perturbed:
+    """Displacement h, its slope, c' and its slope for every unknown, one column each; m/r."""
+
+    h: Array
+    h_s: Array
+    c: Array
+    c_s: Array
+    wave: Array
+
+
+def _perturbed_fields(base: Base, basis: Harmonics, scale: float) -> Perturbed:
+    none = np.zeros_like(basis.values)
+    slopes = basis.slopes / scale
+    return Perturbed(
+        h=np.hstack([basis.values, none]),
+        h_s=np.hstack([slopes, none]),
+        c=np.hstack([none, basis.values]),
+        c_s=np.hstack([none, slopes]),
+        wave=basis.degrees[0] / base.r,
+    )
+
+
+def _rigid_motions(base: Base, m: int) -> list[tuple[Array, Array, Array]]:
+    """(a, b, w) of the rigid velocities with azimuthal number m: e_z; e_x + i e_y, rotation."""
+    sin, cos, r, z = base.sin_psi, base.cos_psi, base.r, base.z
+    if m == 0:
+        return [(-sin, 0 * r, cos)]
+    if m == 1:
+        return [(cos, 1 + 0 * r, sin), (z * cos + r * sin, z, z * sin - r * cos)]
+    return []
+
+
+def _velocity_response(
+    p: Parameters,
+    base: Base,
+    trial: Trial,
+    fields: Perturbed,
+    rigid: list[tuple[Array, Array, Array]],
+) -> tuple[Array, Array, Array]:
+    """(a, b, w) at the nodes that each perturbation drives, without net rigid motion."""
+
+    def integral(test: Array, field: Array) -> Array:
+        return test.T @ (base.measure * field)
+
+    dilation = trial.stretch_1 + trial.stretch_2
+    stiffness = (
+        p.eta_b * integral(dilation, dilation)
+        + 2 * p.eta_s * integral(trial.stretch_1, trial.stretch_1)
+        + 2 * p.eta_s * integral(trial.stretch_2, trial.stretch_2)
+        + p.eta_s * integral(trial.shear, trial.shear)
+    )
+    load = _load(p, base, trial, fields, integral)
+    borders = [
+        integral(trial.a, a) + integral(trial.b, b) + integral(trial.w, w) for a, b, w in rigid
+    ]
+    right = [np.zeros((1, load.shape[1]))] * len(rigid)
+    if not np.any(fields.wave):
+        H = base.kappa_1 + base.kappa_2
+        borders.append(integral(trial.w, H))
+        right.append(-integral(H, base.slope * fields.c - base.U * fields.h_s))
+    border = np.hstack([np.zeros((stiffness.shape[0], 0)), *borders])
+    k = border.shape[1]
+    matrix = np.block([[stiffness, border], [border.T, np.zeros((k, k))]])
+    v = solve(matrix, np.vstack([-load, *right]))[: stiffness.shape[0]]
+    return trial.a @ v, trial.b @ v, trial.w @ v
+
+
+def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: Any) -> Array:
+    """Virtual power of the perturbed stress and pressure with the velocity held."""
+    k1, k2, e1, e2 = base.kappa_1, base.kappa_2, base.stretch_1, base.stretch_2
+    h, wave_h, H = fields.h, fields.wave * fields.h, k1 + k2
+    D1 = base.shear * fields.h_s + k1 * e1 * h
+    D2 = k2 * e2 * h
+    dilation = D1 + D2 - 2 * (k1 * e1 + k2 * e2) * h
+    isotropic = p.eta_b * dilation - p.alpha * fields.c
+    # sigma^11 = (eta_b Theta + tau) g^11 + 2 eta_s (g^11)^2 D_11, and g^11' = -2 kappa_1 h
+    spherical_1 = base.sigma_1 - 2 * p.eta_s * e1
+    spherical_2 = base.sigma_2 - 2 * p.eta_s * e2
+    S1 = isotropic - 2 * k1 * spherical_1 * h + 2 * p.eta_s * (D1 - 4 * k1 * e1 * h)
+    S2 = isotropic - 2 * k2 * spherical_2 * h + 2 * p.eta_s * (D2 - 4 * k2 * e2 * h)
+    pressure = p.delta_P
+    return (
+        integral(trial.stretch_1, S1 + (H + k1) * base.sigma_1 * h)
+        + integral(trial.stretch_2, S2 + (H + k2) * base.sigma_2 * h)
+        + integral(trial.shear, p.eta_s * base.shear * wave_h)
+        + integral(trial.lean, base.sigma_1 * fields.h_s)
+        + integral(trial.tilt, base.sigma_2 * wave_h)
+        + pressure * integral(trial.a, fields.h_s)
+        + pressure * integral(trial.b, wave_h)
+        - pressure * integral(trial.w, H * h)
+    )
+
+
+def _rates(
+    p: Parameters, base: Base, fields: Perturbed, response: tuple[Array, Array, Array]
+) -> tuple[Array, Array]:
+    """Weak rates of h and c', tested with every harmonic."""
+    a, b, w = response
+    half = fields.h.shape[1] // 2
+    test, test_s = fields.h[:, :half], fields.h_s[:, :half]
+    k1, k2, c, h = base.kappa_1, base.kappa_2, base.c, fields.h
+    H = k1 + k2
+    h_rate = w - base.U * fields.h_s + base.slope * fields.c
+    flux_1 = (
+        base.U * fields.c
+        + c * (a + base.W * fields.h_s - k1 * base.U * h)
+        + H * c * base.U * h
+        - p.D * (fields.c_s + (k2 - k1) * base.c_s * h)
+    )
+    flux_2 = c * (b + base.W * fields.wave * h) - p.D * fields.wave * fields.c
+    source = p.beta * (H * (p.c0 - c) * h - fields.c) - c * H * h_rate
+    c_rate = test_s.T @ (base.measure * flux_1) + test.T @ (
+        base.measure * (fields.wave * flux_2 + source)
+    )
+    return test.T @ (base.measure * h_rate), c_rate
+
+
+def _removed(
+    p: Parameters,
+    base: Base,
+    basis: Harmonics,
+    mass: Array,
+    rigid: list[tuple[Array, Array, Array]],
+) -> Array:
+    """Constraint functionals and neutral modes as columns of harmonic coefficients."""
+    weighted = base.measure * basis.values
+    none = np.zeros(basis.degrees.size)
+    columns = []
+    if basis.degrees[0] == 0:
+        H = (base.kappa_1 + base.kappa_2)[:, 0]
+        columns.append(np.concatenate([H @ weighted, none]))
+        if p.beta == 0:
+            columns.append(np.concatenate([(H * base.c[:, 0]) @ weighted, none + weighted.sum(0)]))
+    for a, _, w in rigid:
+        h, c = weighted.T @ w, -weighted.T @ (a * base.c_s)
+        mode = np.concatenate([np.linalg.solve(mass, h)[:, 0], np.linalg.solve(mass, c)[:, 0]])
+        if np.linalg.norm(mode) > ROTATION_SEEN * p.R0:
+            columns.append(mode / np.linalg.norm(mode))
+    return np.column_stack(columns) if columns else np.zeros((2 * none.size, 0))

@@ -1,0 +1,332 @@
+"""Steady states of the free-shape axisymmetric cell, by Newton's method with an exact Jacobian.
+
+In the frame of the cell the shape rests: the normal cortex velocity is -v_p(c), the tangential one
+u is the retrograde flow itself. Besides shape, u, c, length scale and tension there are two slack
+unknowns that vanish at a solution: an axial force (one force equation is redundant) and a uniform
+source of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
+from the turnover, for beta = 0 it is the conserved number).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
+from amoeboid.axisymmetric.shape import Shape, shape
+from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
+from amoeboid.axisymmetric.unknowns import (
+    Fields,
+    differentiable_fields_of,
+    fields_of,
+    resampled,
+    split,
+)
+from amoeboid.numerics.derivatives import stacked
+from amoeboid.numerics.newton import newton
+from amoeboid.parameters import Parameters
+
+Array = NDArray[Any]
+
+MODES = 32
+MAX_MODES = 256
+STRONG = 5e-9
+"""Residual of the continuous equations, between the points, up to which a state is resolved."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Typical magnitudes of the unknowns and of the equations at one parameter point."""
+
+    speed: float
+    concentration: float
+    force: float
+    rate: float
+
+    @classmethod
+    def of(cls, p: Parameters) -> Scales:
+        """Scales from the homogeneous sphere."""
+        concentration = p.c0 if p.c0 > 0 else p.c_r
+        frequency = p.beta + p.D / p.R0**2
+        speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
+        if speed_here == 0:
+            speed_here = max(p.v_p0, p.R0)
+        viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
+        force = p.delta_P + viscous + p.alpha * concentration / p.R0
+        return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
+
+
+@dataclass(frozen=True)
+class SteadySystem:
+    """The discretized steady problem as a function of chosen parameters.
+
+    `names` are the parameters that the argument q of the methods replaces; q may be complex.
+    """
+
+    parameters: Parameters
+    n: int = MODES
+    names: tuple[str, ...] = ()
+
+    @cached_property
+    def scales(self) -> Scales:
+        """Typical magnitudes at the parameter point that the system was made with."""
+        return Scales.of(self.parameters)
+
+    @cached_property
+    def row_scales(self) -> Array:
+        """Typical magnitude of each equation."""
+        p, n, s = self.parameters, self.n, self.scales
+        area = 4 * np.pi * p.R0**2
+        forces_, rates = np.full(2 * n, s.force), np.full(n, s.rate)
+        return np.concatenate([forces_, rates, [1.0, area, s.concentration * area]])
+
+    @cached_property
+    def scale(self) -> Array:
+        """Typical magnitude of each unknown."""
+        p, n, s = self.parameters, self.n, self.scales
+        return np.concatenate(
+            [
+                np.full(n - 1, 1.0),
+                np.full(n, s.speed),
+                np.full(n, s.concentration),
+                [p.R0, s.force * p.R0, s.force, s.rate],
+            ]
+        )
+
+    @cached_property
+    def weights(self) -> Array:
+        """Weights of the inner product that measures the length of a branch."""
+        weights = 1.0 / self.scale**2
+        weights[-4:] = 0.0
+        return weights
+
+    def point(self, q: Array) -> Any:
+        """The parameters with those in `names` replaced by q."""
+        p = self.parameters
+        return SimpleNamespace(
+            **{**p.as_dict(), "law": p.law, **dict(zip(self.names, q, strict=True))}
+        )
+
+    def residual(self, x: Array, q: Array) -> Array:
+        """Scaled residual of all equations, shape (3 n + 3,)."""
+        return equations(self.n, fields_of(x, self.n), self.point(q)) / self.row_scales
+
+    def jacobian(self, x: Array, q: Array) -> Array:
+        """Its exact derivative to x, shape (3 n + 3, 3 n + 3)."""
+        return self.residual_and_jacobian(x, q)[1]
+
+    def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]:
+        """Both at once."""
+        f = equations(self.n, differentiable_fields_of(x, self.n), self.point(q))
+        return f.values / self.row_scales, f.derivatives / self.row_scales[:, None]
+
+    def resolved(self, x: Array, q: Array) -> bool:
+        """Whether x solves the continuous equations at q, not only the discrete ones."""
+        return _strong_residual(self.n, x, self.point(q), 3) <= STRONG
+
+    def refined(self) -> SteadySystem | None:
+        """The same problem with twice the modes; None beyond MAX_MODES."""
+        if 2 * self.n > MAX_MODES:
+            return None
+        return SteadySystem(self.parameters, 2 * self.n, self.names)
+
+    def prolonged(self, x: Array) -> Array:
+        """A vector of unknowns carried to the refined system."""
+        return resampled(x, self.n, 2 * self.n)
+
+
+def equations(n: int, f: Fields, p: Any) -> Any:
+    """Residual of the steady problem: force balance, transport, closure, area, filament number."""
+    s = shape(grid(n), f.psi, f.psi_slope, f.scale)
+    w = -speed(f.c, p)
+    tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), f.axial, p)
+    area = 4 * np.pi * p.R0**2
+    return stacked(
+        [
+            tangential,
+            normal,
+            transport(s, f.c, f.u, p) + f.source,
+            s.gap,
+            s.area - area,
+            s.surface_integral(f.c) - p.c0 * area,
+        ]
+    )
+
+
+@dataclass(frozen=True)
+class SteadyState:
+    """A steady state, or an attempt at one: it is a solution only if `converged`.
+
+    `x` is the vector of unknowns of n modes (module docstring); `residuals` the scaled root mean
+    squares that Newton's method went through; `message` says why it is not converged.
+    """
+
+    parameters: Parameters
+    n: int
+    x: Array
+    converged: bool
+    residuals: tuple[float, ...]
+    message: str = ""
+
+    @cached_property
+    def shape(self) -> Shape:
+        """Geometry at the grid points."""
+        f = fields_of(self.x, self.n)
+        return shape(grid(self.n), f.psi, f.psi_slope, f.scale)
+
+    @property
+    def length_scale(self) -> float:
+        """ds/dx, the length of the meridian over pi [length]."""
+        return float(self.x[-4])
+
+    @property
+    def zeta0(self) -> float:
+        """Membrane tension zeta_0 [force/length]."""
+        return float(self.x[-3])
+
+    @property
+    def defects(self) -> tuple[float, float]:
+        """Axial force and filament source: zero but for the error of the discretization."""
+        return float(self.x[-2]), float(self.x[-1])
+
+    def concentration(self, x: Array) -> Array:
+        """c at scaled arclengths x in [0, pi] [1/length^2]."""
+        return even_basis(np.asarray(x, dtype=float), self.n) @ split(self.x, self.n)[2]
+
+    def flow(self, x: Array) -> Array:
+        """Retrograde flow u at scaled arclengths x, positive towards x = pi [length/time]."""
+        return odd_basis(np.asarray(x, dtype=float), self.n) @ split(self.x, self.n)[1]
+
+    @property
+    def max_retrograde_speed(self) -> float:
+        """Maximum of |u| over the surface, not only over grid points [length/time]."""
+        return series_maximum(split(self.x, self.n)[1])
+
+    @property
+    def c_front(self) -> float:
+        """c at the pole of low concentration [1/length^2]."""
+        return float(self.concentration(np.array([0.0, np.pi])).min())
+
+    @property
+    def c_rear(self) -> float:
+        """c at the pole of high concentration [1/length^2]."""
+        return float(self.concentration(np.array([0.0, np.pi])).max())
+
+    def position(self, x: Array) -> tuple[Array, Array]:
+        """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
+        fine = grid(2 * self.n)
+        psi = fields_of(resampled(self.x, self.n, fine.n), fine.n).psi
+        k = np.arange(1, fine.n + 1)
+        phases = np.outer(x, k)
+        runs = np.append((fine.to_even @ np.cos(psi))[1:], 0.0) / k
+        rises = (fine.to_odd @ np.sin(psi)) / k
+        middle = np.sum(rises[1::2])  # the mean of z at the two poles becomes zero
+        return self.length_scale * (np.sin(phases) @ runs), self.length_scale * (
+            np.cos(phases) @ rises - middle
+        )
+
+    def outline(self, count: int = 400) -> tuple[Array, Array]:
+        """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""
+        return self.position(np.linspace(0.0, np.pi, count))
+
+    @property
+    def deformation(self) -> float:
+        """Largest deviation of the distance from the center of volume from R0, over R0."""
+        r, z = self.outline(2001)
+        slices = r**2
+        center = np.trapezoid(z * slices, z) / np.trapezoid(slices, z)
+        return float(np.max(np.abs(np.hypot(r, z - center) / self.parameters.R0 - 1.0)))
+
+
+def series_maximum(coefficients: Array) -> float:
+    """Largest |sum_k a_k sin(k x)| on [0, pi]: the best of a fine grid, polished by Newton."""
+    k = np.arange(1, coefficients.size + 1)
+    x = np.linspace(0.0, np.pi, 16 * coefficients.size + 1)
+    values = np.sin(np.outer(x, k)) @ coefficients
+    best = x[np.argmax(np.abs(values))]
+    value = float(np.abs(values).max())
+    for _ in range(3):
+        slope = np.cos(k * best) @ (k * coefficients)
+        bend = -np.sin(k * best) @ (k * k * coefficients)
+        best -= slope / bend if bend != 0 else 0.0
+    polished = float(abs(np.sin(k * best) @ coefficients))
+    return polished if value <= polished <= 1.01 * value else value
+
+
+def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:
+    """The homogeneous sphere, a steady state at every parameter point.
+
+    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0.
+    """
+    return SteadyState(p, n, homogeneous_unknowns(p, n), True, (0.0,))
+
+
+def homogeneous_unknowns(p: Any, n: int) -> Array:
+    """The unknowns of the homogeneous sphere, for real or complex parameters."""
+    f0 = p.law.value(np.asarray(p.c0), p.v_p0, p.c_r)
+    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
+    x = np.zeros(3 * n + 3, dtype=np.result_type(zeta0, p.c0, p.R0, float))
+    x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
+    return x
+
+
+def steady_state(p: Parameters, guess: SteadyState) -> SteadyState:
+    """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
+
+    Never raises for want of convergence: look at `converged`, `residuals` and `message`.
+    """
+    n, x = guess.n, guess.x
+    history: tuple[float, ...] = ()
+    while True:
+        system = SteadySystem(p, n)
+        found = newton_solution(system, x)
+        history += found.residuals
+        if not found.converged:
+            advice = "start from a state nearer by, in smaller steps of the parameter"
+            return SteadyState(p, n, found.x, False, history, f"Newton stalled; {advice}")
+        if system.resolved(found.x, np.zeros(0)):
+            return SteadyState(p, n, found.x, True, history)
+        if 2 * n > MAX_MODES:
+            advice = f"{n} modes do not resolve the state; raise D"
+            return SteadyState(p, n, found.x, False, history, advice)
+        n, x = 2 * n, resampled(found.x, n, 2 * n)
+
+
+def newton_solution(system: SteadySystem, start: Array) -> Any:
+    """Newton's method on a system without free parameters."""
+    q = np.zeros(0)
+    return newton(
+        lambda x: system.residual(x, q),
+        lambda x: system.residual_and_jacobian(x, q),
+        start,
+        scale=system.scale,
+    )
+
+
+def strong_residual(state: SteadyState, finer: int = 3) -> float:
+    """Largest residual of the continuous equations between the collocation points.
+
+    Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each
+    in units of its magnitude in that state: pressure plus viscous force, largest c times largest
+    speed over R0.
+    """
+    point = SteadySystem(state.parameters, state.n).point(np.zeros(0))
+    return _strong_residual(state.n, state.x, point, finer)
+
+
+def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
+    m = finer * n
+    x = resampled(coefficients, n, m)
+    x[-2:] = 0.0
+    f = fields_of(x, m)
+    fastest = max(np.abs(f.u).max(), np.abs(speed(f.c, p)).max(), p.D / p.R0 + p.beta * p.R0)
+    most = np.abs(f.c).max()
+    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2 + p.alpha * most / p.R0
+    area = 4 * np.pi * p.R0**2
+    units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
+    return float(np.max(np.abs(equations(m, f, p)) / units))

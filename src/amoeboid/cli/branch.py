@@ -1,0 +1,183 @@
+"""`amoeboid branch`: follow the polarized state in one parameter."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.axisymmetric.branches import Branch, BranchPoint
+    from amoeboid.parameters import Parameters
+
+INCOMPLETE = 1
+VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "v_p0", "alpha")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `branch`."""
+    add_settings(parser)
+    parser.add_argument("--vary", default="v_p0", metavar="NAME", help="the parameter (v_p0)")
+    parser.add_argument(
+        "--from",
+        dest="start",
+        type=float,
+        metavar="VALUE",
+        help="one end of the window (0 for v_p0, else the parameter's own value)",
+    )
+    parser.add_argument(
+        "--to", dest="end", type=float, required=True, metavar="VALUE", help="the other end"
+    )
+    parser.add_argument(
+        "--max-step",
+        type=float,
+        default=0.1,
+        metavar="LENGTH",
+        help="longest step along the branch; smaller gives more points (0.1)",
+    )
+    parser.add_argument(
+        "--max-points", type=int, default=400, metavar="N", help="stop after N points (400)"
+    )
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    parser.epilog = (
+        "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
+        "other parameter at the fastest polarized state at --from or, if there is none, where the\n"
+        "sphere loses stability within the window. It ends where it leaves the window or meets\n"
+        "the sphere. Exit code 1: it could not be followed that far."
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Follow, print, draw."""
+    p = parameters_of(args)
+    start = _checked_start(args, p)
+    if args.plot is not None:
+        from amoeboid.plotting.branches import check_picture_path
+
+        check_picture_path(args.plot)
+    branch = _branch(args, p, start)
+    if branch.message:
+        advice = "or end the window earlier, or smooth the states by a larger D or delta_P"
+        print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
+    if args.plot is not None:
+        from amoeboid.plotting.branches import draw_branch
+
+        draw_branch(branch, args.plot)
+    if args.json:
+        print_json(_document(branch))
+    else:
+        _print_branch(branch)
+    return INCOMPLETE if branch.message else 0
+
+
+def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
+    name = args.vary
+    if name not in VARIABLE:
+        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {name!r}")
+    if not (math.isfinite(args.max_step) and args.max_step > 0):
+        raise InvalidInput(f"--max-step must be > 0 and finite, got {args.max_step:g}")
+    if args.max_points < 1:
+        raise InvalidInput(f"--max-points must be >= 1, got {args.max_points}")
+    start = args.start
+    if start is None:
+        start = 0.0 if name == "v_p0" else float(getattr(p, name))
+    for option, value in (("--from", start), ("--to", args.end)):
+        if not math.isfinite(value):
+            raise InvalidInput(f"{option} must be a finite number, got {value!r}")
+        p.replace(**{name: value})
+    if start == args.end:
+        raise InvalidInput(f"--from and --to must differ, both are {start:g}")
+    return float(start)
+
+
+def _branch(args: argparse.Namespace, p: Parameters, start: float) -> Branch:
+    from amoeboid.axisymmetric.branches import (
+        Window,
+        branch_from_sphere,
+        branch_from_state,
+        steady_states,
+    )
+    from amoeboid.axisymmetric.onset import onset_speed
+    from amoeboid.numerics.continuation import Options
+
+    name, end = args.vary, args.end
+    window = Window(min(start, end), max(start, end))
+    scale = (onset_speed(p) if name == "v_p0" else None) or max(abs(start), abs(end))
+    options = Options(
+        parameter_scale=scale,
+        max_step=args.max_step,
+        first_step=min(0.05, args.max_step),
+        max_points=args.max_points,
+    )
+    branch = None
+    if name != "v_p0":
+        state = steady_states(p.replace(**{name: start}), degrees=(1,))[-1]
+        if state.max_retrograde_speed > 0:
+            branch = branch_from_state(state, name, window, end - start, options)
+    if branch is None:
+        branch = branch_from_sphere(p, name, window, options=options)
+    if branch is None:
+        raise InvalidInput(
+            f"no polarized state found for {name} between {window.low:g} and {window.high:g}; "
+            "set v_p0 above its threshold (see amoeboid steady)"
+        )
+    if not branch.points and not branch.message:
+        raise InvalidInput(
+            f"the polarized branch does not enter {window.low:g} <= {name} <= {window.high:g}; "
+            f"it starts at {name} = {branch.origin:.6g}: choose --to beyond that"
+        )
+    return branch
+
+
+def _row(name: str, b: BranchPoint) -> dict[str, Any]:
+    s = b.state
+    return {
+        name: b.value,
+        "max_retrograde_speed": s.max_retrograde_speed,
+        "c_front": s.c_front,
+        "c_rear": s.c_rear,
+        "zeta0": s.zeta0,
+        "stable": b.stable,
+        "unstable_modes": {str(m): count for m, count in b.unstable.items()},
+    }
+
+
+def _document(branch: Branch) -> dict[str, Any]:
+    name = branch.name
+    origin = [] if branch.origin is None else [{name: branch.origin, "m": 0}]
+    crossings = [(c.oscillating, {**_row(name, c.at), "m": c.m}) for c in branch.crossings]
+    return {
+        "vary": name,
+        "points": [_row(name, b) for b in branch.points],
+        "folds": [_row(name, b) for b in branch.folds],
+        "branch_points": origin + [row for oscillating, row in crossings if not oscillating],
+        "hopf_points": [row for oscillating, row in crossings if oscillating],
+        "message": branch.message,
+    }
+
+
+def _print_branch(branch: Branch) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console, table = Console(), Table()
+    for title in (branch.name, "v_0", "c front", "c rear", "zeta_0", "unstable m = 0 1 2 3"):
+        table.add_column(title, justify="right")
+    for b in branch.points:
+        s = b.state
+        numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
+        table.add_row(*(f"{v:.6f}" for v in numbers), " ".join(map(str, b.unstable.values())))
+    console.print(table)
+    if branch.origin is not None:
+        console.print(f"leaves the homogeneous sphere at {branch.name} = {branch.origin:.9g}")
+    for fold in branch.folds:
+        speed = fold.state.max_retrograde_speed
+        console.print(f"fold at {branch.name} = {fold.value:.9g}, v_0 = {speed:.6g}")
+    for c in branch.crossings:
+        kind = "Hopf point" if c.oscillating else "branch point"
+        console.print(f"{kind} of m = {c.m} at {branch.name} = {c.at.value:.9g}")

@@ -1,0 +1,138 @@
+"""`amoeboid phase-diagram`: where the cell rests, polarizes, or may do both."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from amoeboid.axisymmetric.phase_diagram import PhaseDiagram
+    from amoeboid.parameters import Parameters
+
+VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "alpha")
+LARGEST_GRID = 500
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `phase-diagram`."""
+    add_settings(parser)
+    parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
+    parser.add_argument(
+        "--from", dest="low", type=float, default=0.03, metavar="VALUE", help="its lowest (0.03)"
+    )
+    parser.add_argument(
+        "--to", dest="high", type=float, default=0.6, metavar="VALUE", help="its highest (0.6)"
+    )
+    parser.add_argument(
+        "--speed-from", type=float, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
+    )
+    parser.add_argument(
+        "--speed-to", type=float, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
+    )
+    parser.add_argument("--columns", type=int, default=40, metavar="N", help="values of it (40)")
+    parser.add_argument("--rows", type=int, default=40, metavar="N", help="values of v_p0 (40)")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Compute column by column, print, draw."""
+    import sys
+
+    import numpy as np
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
+
+    p = parameters_of(args)
+    _check(args, p)
+    if args.plot is not None:
+        from amoeboid.plotting.branches import check_picture_path
+
+        check_picture_path(args.plot)
+    values = np.linspace(args.low, args.high, args.columns)
+    speeds = np.linspace(args.speed_from, args.speed_to, args.rows)
+    columns = []
+    with Progress(console=Console(file=sys.stderr), transient=True) as progress:
+        task = progress.add_task(f"columns of {args.vary}", total=args.columns)
+        for column in phase_columns(p, args.vary, values, speeds):
+            columns.append(column)
+            progress.advance(task)
+    diagram = phase_diagram(p, args.vary, values, speeds, tuple(columns))
+    if args.plot is not None:
+        from amoeboid.plotting.branches import draw_phase_diagram
+
+        draw_phase_diagram(diagram, args.plot)
+    if args.json:
+        print_json(_document(diagram))
+    else:
+        _print_diagram(diagram)
+    return 0
+
+
+def _check(args: argparse.Namespace, p: Parameters) -> None:
+    if args.vary not in VARIABLE:
+        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {args.vary!r}")
+    ends = (
+        ("--from", args.vary, args.low),
+        ("--to", args.vary, args.high),
+        ("--speed-from", "v_p0", args.speed_from),
+        ("--speed-to", "v_p0", args.speed_to),
+    )
+    for option, name, value in ends:
+        if not math.isfinite(value):
+            raise InvalidInput(f"{option} must be a finite number, got {value!r}")
+        p.replace(**{name: value})
+    for low, high, text in (
+        (args.low, args.high, "--from must be < --to"),
+        (args.speed_from, args.speed_to, "--speed-from must be < --speed-to"),
+    ):
+        if not low < high:
+            raise InvalidInput(f"{text}, got {low:g} and {high:g}")
+    for option, count in (("--columns", args.columns), ("--rows", args.rows)):
+        if not 2 <= count <= LARGEST_GRID:
+            raise InvalidInput(f"{option} must be >= 2 and <= {LARGEST_GRID}, got {count}")
+
+
+def _document(diagram: PhaseDiagram) -> dict[str, Any]:
+    from amoeboid.axisymmetric.phase_diagram import REGIONS
+
+    name = diagram.name
+
+    def pairs(points: Any) -> list[dict[str, float]]:
+        return [{name: float(a), "v_p0": float(b)} for a, b in points]
+
+    thresholds = [(c.value, c.threshold) for c in diagram.columns if c.threshold is not None]
+    return {
+        "vary": name,
+        name: [float(v) for v in diagram.values],
+        "v_p0": [float(v) for v in diagram.speeds],
+        "regions": [[REGIONS[k] for k in row] for row in diagram.regions],
+        "max_retrograde_speed": [[float(v) for v in row] for row in diagram.flow],
+        "threshold": pairs(thresholds),
+        "fold": pairs(diagram.fold_line),
+        "boundary": pairs(diagram.tips),
+    }
+
+
+def _print_diagram(diagram: PhaseDiagram) -> None:
+    from rich.console import Console
+
+    console = Console(width=max(100, diagram.values.size + 12), highlight=False)
+    regions: np.ndarray = diagram.regions
+    for speed, row in zip(diagram.speeds[::-1], regions[::-1], strict=True):
+        console.print(f"{speed:9.4g}  " + "".join(".Pb!?"[k] for k in row))
+    console.print(f"v_p0 up, {diagram.name} from {diagram.values[0]:g} to {diagram.values[-1]:g}")
+    console.print(". rest   P polarized   b bistable   ! neither stable   ? unresolved")
+    for value, speed in diagram.tips:
+        console.print(
+            f"super- and subcritical bifurcation meet at {diagram.name} = {value:.6g}, "
+            f"v_p0 = {speed:.6g}"
+        )

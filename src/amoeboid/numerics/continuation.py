@@ -1,0 +1,312 @@
+"""Pseudo-arclength continuation of solutions of F(x, q) = 0, as an iterator of points.
+
+The length of a step is measured in the inner product <x, x'> = sum of weights x x' plus the
+parameter in units of `parameter_scale`. Source: Keller, in *Applications of Bifurcation Theory*
+(ed. Rabinowitz), 1977; Govaerts, *Numerical Methods for Bifurcations*, 2000, chapter 2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.linalg import LinAlgError
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from amoeboid.numerics.newton import newton, solve
+from amoeboid.validation import InvalidInput
+
+Array = NDArray[Any]
+
+COMPLEX_STEP = 1e-40
+
+
+class System(Protocol):
+    """n equations for n unknowns x that depend on parameters q (k,).
+
+    `residual` and `jacobian` accept complex x and q. `weights` (n,) define the inner product,
+    `scale` (n,) the magnitude of the unknowns. `resolved`, `refined`, `prolonged`: whether the
+    discretization suffices for x at q, a finer one if allowed, and a vector carried to it.
+    """
+
+    @property
+    def weights(self) -> Array: ...  # noqa: D102
+    @property
+    def scale(self) -> Array: ...  # noqa: D102
+    def residual(self, x: Array, q: Array) -> Array: ...  # noqa: D102
+    def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]: ...  # noqa: D102
+    def resolved(self, x: Array, q: Array) -> bool: ...  # noqa: D102
+    def refined(self) -> System | None: ...  # noqa: D102
+    def prolonged(self, x: Array) -> Array: ...  # noqa: D102
+
+
+def parameter_derivative(system: System, x: Array, q: Array, k: int = 0) -> Array:
+    """dF/dq_k by a complex step, exact to rounding."""
+    shifted = np.asarray(q, dtype=complex)
+    shifted[k] += 1j * COMPLEX_STEP
+    return system.residual(x, shifted).imag / COMPLEX_STEP
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a branch is followed; lengths in the norm of the module docstring.
+
+    `angle` is the turn of the tangent aimed at in one step; a step that turns by more than twice
+    that, or whose Newton iteration fails, is halved down to `min_step`.
+    """
+
+    parameter_scale: float = 1.0
+    first_step: float = 0.05
+    min_step: float = 1e-6
+    max_step: float = 0.5
+    angle: float = 0.15
+    max_points: int = 400
+
+    def __post_init__(self) -> None:
+        for name in ("parameter_scale", "first_step", "min_step", "max_step", "angle"):
+            if not getattr(self, name) > 0:
+                raise InvalidInput(f"{name} must be > 0, got {getattr(self, name)!r}")
+        if self.max_points < 1:
+            raise InvalidInput(f"max_points must be >= 1, got {self.max_points}")
+
+
+@dataclass(frozen=True)
+class Point:
+    """A solution (x, parameter) on a branch, with its unit tangent.
+
+    `length` is the arclength from the first point; `fold` says that the branch turns back here.
+    """
+
+    system: System
+    x: Array
+    parameter: float
+    x_tangent: Array
+    parameter_tangent: float
+    length: float = 0.0
+    fold: bool = False
+
+
+class Stalled(Exception):
+    """No step, however short, could be taken from a point of the branch."""
+
+
+def follow(start: Point, options: Options) -> Iterator[Point]:
+    """The points of a branch after `start`, located folds among them, along its tangent.
+
+    Ends after `max_points`; raises Stalled if the smallest step fails. Stop it by not asking on.
+    """
+    here, step = start, options.first_step
+    for _ in range(options.max_points):
+        there, taken = _next(here, step, options)
+        if here.parameter_tangent * there.parameter_tangent < 0:
+            # where branches cross the tangent may turn back too, but Newton's method fails: no fold
+            with suppress(Stalled):
+                yield located(here, there, lambda p: p.parameter_tangent, options, fold=True)
+        turn = _turn(here, there, options)
+        here = adapted(there, options)
+        yield here
+        step = taken * float(np.clip(options.angle / max(turn, 1e-3), 0.5, 1.6))
+        step = min(max(step, options.min_step), options.max_step)
+
+
+def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
+    while step >= options.min_step:
+        there = at_distance(here, step, options)
+        if there is not None and _turn(here, there, options) <= 2 * options.angle:
+            return there, step
+        step /= 2
+    raise Stalled(
+        f"no step from parameter = {here.parameter:.10g} succeeds; "
+        "allow a smaller min_step or more modes"
+    )
+
+
+def _turn(a: Point, b: Point, options: Options) -> float:
+    cosine = _inner(a.system, a.x_tangent, b.x_tangent) + (
+        a.parameter_tangent * b.parameter_tangent / options.parameter_scale**2
+    )
+    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _inner(system: System, a: Array, b: Array) -> float:
+    return float(np.sum(system.weights * a * b))
+
+
+def at_distance(start: Point, distance: float, options: Options) -> Point | None:
+    """The point of the branch whose projection on the tangent at `start` is `distance` on."""
+    system, n = start.system, start.x.size
+    row = np.append(
+        system.weights * start.x_tangent, start.parameter_tangent / options.parameter_scale**2
+    )
+    origin = np.append(start.x, start.parameter)
+    tangent = np.append(start.x_tangent, start.parameter_tangent)
+
+    def residual(y: Array) -> Array:
+        return np.append(system.residual(y[:n], y[n:]), row @ (y - origin) - distance)
+
+    def jacobian(y: Array) -> tuple[Array, Array]:
+        return residual_and_bordered(system, y, row, row @ (y - origin) - distance)
+
+    scale = np.append(system.scale, options.parameter_scale)
+    found = newton(
+        residual, jacobian, origin + distance * tangent,
+        scale=scale, step_tolerance=1e-7, max_iterations=8,
+    )  # fmt: skip
+    if not found.converged:
+        return None
+    y = found.x
+    return _with_tangent(
+        replace(start, x=y[:n], parameter=float(y[n]), length=start.length + distance),
+        row,
+        options,
+    )
+
+
+def residual_and_bordered(system: System, y: Array, row: Array, last: float) -> tuple[Array, Array]:
+    """Residual and Jacobian of F(x, q) = 0 together with one linear condition on y = (x, q)."""
+    n = y.size - 1
+    f, f_x = system.residual_and_jacobian(y[:n], y[n:])
+    matrix = np.empty((n + 1, n + 1))
+    matrix[:n, :n] = f_x
+    matrix[:n, n] = parameter_derivative(system, y[:n], y[n:])
+    matrix[n] = row
+    return np.append(f, last), matrix
+
+
+def _with_tangent(point: Point, row: Array, options: Options) -> Point | None:
+    """`point` with its unit tangent, on the side to which the functional `row` is positive."""
+    y = np.append(point.x, point.parameter)
+    try:
+        _, matrix = residual_and_bordered(point.system, y, row, 0.0)
+        tangent = solve(matrix, np.append(np.zeros(point.x.size), 1.0))
+    except (LinAlgError, InvalidInput):
+        return None
+    norm = np.sqrt(
+        _inner(point.system, tangent[:-1], tangent[:-1])
+        + (tangent[-1] / options.parameter_scale) ** 2
+    )
+    tangent /= norm
+    return replace(point, x_tangent=tangent[:-1], parameter_tangent=float(tangent[-1]))
+
+
+def adapted(point: Point, options: Options) -> Point:
+    """The point on a system fine enough for it; the point itself if it is resolved."""
+    while not point.system.resolved(point.x, np.array([point.parameter])):
+        finer = _refined(point, options)
+        if finer is None:
+            raise Stalled(
+                f"the finest discretization does not resolve the solution at parameter = "
+                f"{point.parameter:.10g}"
+            )
+        point = finer
+    return point
+
+
+def _refined(point: Point, options: Options) -> Point | None:
+    system = point.system.refined()
+    if system is None:
+        return None
+    carried = replace(
+        point,
+        system=system,
+        x=point.system.prolonged(point.x),
+        x_tangent=point.system.prolonged(point.x_tangent),
+    )
+    return at_distance(carried, 0.0, options)
+
+
+def located(
+    a: Point,
+    b: Point,
+    test: Callable[[Point], float],
+    options: Options,
+    fold: bool = False,
+) -> Point:
+    """The point between neighbors a and b of a branch where `test` changes sign.
+
+    Newton's method has no chance at a point where branches cross; there the test is interpolated
+    between points just beside it. Raises Stalled if those cannot be reached either.
+    """
+    span = b.length - a.length
+    known = {0.0: (a, test(a)), span: (b, test(b))}
+    missed: list[float] = []
+
+    def at(distance: float) -> float:
+        if distance not in known:
+            found = at_distance(a, distance, options)
+            if found is None:
+                missed.append(distance)
+                raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
+            known[distance] = found, test(found)
+        return known[distance][1]
+
+    try:
+        root = brentq(at, 0.0, span, xtol=1e-9 * span, rtol=1e-13)
+        at(root)
+        point = known[root][0]
+    except Stalled:
+        for width in (1e-5, 1e-4, 1e-3):
+            with suppress(Stalled):
+                at(max(missed[0] - width * span, 0.0))
+                at(min(missed[0] + width * span, span))
+                break
+        point = _interpolated(known, 2.1e-3 * span)
+    return replace(point, fold=fold)
+
+
+def _interpolated(known: dict[float, tuple[Point, float]], widest: float) -> Point:
+    """The zero of the straight line through the narrowest bracket of known test values."""
+    ordered = sorted(known)
+    brackets = [(q - p, p, q) for p, q in pairwise(ordered) if known[p][1] * known[q][1] <= 0]
+    width, left, right = min(brackets)
+    (a, f), (b, g) = known[left], known[right]
+    if width > widest:
+        raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
+    share = f / (f - g) if f != g else 0.0
+    return replace(
+        a,
+        x=a.x + share * (b.x - a.x),
+        parameter=a.parameter + share * (b.parameter - a.parameter),
+        length=a.length + share * width,
+    )
+
+
+def at_parameter(system: System, x: Array, parameter: float) -> Array | None:
+    """The solution at a given parameter near x; None if Newton's method does not converge."""
+    q = np.array([parameter])
+    found = newton(
+        lambda y: system.residual(y, q),
+        lambda y: system.residual_and_jacobian(y, q),
+        x,
+        scale=system.scale,
+    )
+    return found.x if found.converged else None
+
+
+def started(
+    system: System, x: Array, parameter: float, towards: Array, direction: float, options: Options
+) -> Point:
+    """A point with a unit tangent given as (towards, direction), for instance a null vector."""
+    norm = np.sqrt(np.sum(system.weights * towards**2) + (direction / options.parameter_scale) ** 2)
+    if not norm > 0:
+        raise InvalidInput("the direction in which to leave the start must not be zero")
+    return Point(system, x, parameter, towards / norm, direction / norm)
+
+
+def through(
+    system: System, x: Array, parameter: float, direction: float, options: Options
+) -> Point:
+    """The solution near x with the tangent of the branch, the parameter growing if direction > 0.
+
+    Raises Stalled if there is no solution, or no single branch, near x.
+    """
+    guess = started(system, x, parameter, np.zeros(x.size), direction, options)
+    found = at_distance(guess, 0.0, options)
+    if found is None:
+        raise Stalled(f"no single branch passes through parameter = {parameter:.10g}")
+    return found

@@ -1,0 +1,89 @@
+"""Folds as regular solutions of an extended system, so that they can be found and followed.
+
+Moore & Spence, SIAM J. Numer. Anal. 17, 567 (1980): F(x, q) = 0, F_x phi = 0, <l, phi> = 1 for
+(x, phi, q_1); second derivatives come from complex steps through the exact Jacobian.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.numerics.continuation import COMPLEX_STEP, System, parameter_derivative
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True)
+class FoldSystem:
+    """The folds of `system` in its first parameter, as a function of its other parameters.
+
+    Unknowns (x, phi, q_1); `normal` (n,) is the functional l. Itself a `System`.
+    """
+
+    system: System
+    normal: Array
+
+    @cached_property
+    def scale(self) -> Array:
+        """Magnitudes of (x, phi, q_1)."""
+        s = self.system.scale
+        return np.concatenate([s, s, [1.0]])
+
+    @cached_property
+    def weights(self) -> Array:
+        """Inner product of x and q_1 only: phi follows from them."""
+        return np.concatenate([self.system.weights, 0.0 * self.system.weights, [1.0]])
+
+    def residual(self, x: Array, q: Array) -> Array:
+        """(F, F_x phi, <l, phi> - 1)."""
+        state, phi, full = self._parts(x, q)
+        f, f_x = self.system.residual_and_jacobian(state, full)
+        return np.concatenate([f, f_x @ phi, [self.normal @ phi - 1.0]])
+
+    def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]:
+        """Residual and its derivative to (x, phi, q_1), at real arguments."""
+        state, phi, full = self._parts(x, q)
+        n = state.size
+        f, f_x = self.system.residual_and_jacobian(state, full)
+        moved = self.system.residual_and_jacobian(state + 1j * COMPLEX_STEP * phi, full)[1]
+        shifted = full.astype(complex)
+        shifted[0] += 1j * COMPLEX_STEP
+        turned = self.system.residual_and_jacobian(state, shifted)[1]
+        matrix = np.zeros((2 * n + 1, 2 * n + 1))
+        matrix[:n, :n] = matrix[n : 2 * n, n : 2 * n] = f_x
+        matrix[:n, 2 * n] = parameter_derivative(self.system, state, full)
+        matrix[n : 2 * n, :n] = moved.imag / COMPLEX_STEP
+        matrix[n : 2 * n, 2 * n] = (turned.imag / COMPLEX_STEP) @ phi
+        matrix[2 * n, n : 2 * n] = self.normal
+        return np.concatenate([f, f_x @ phi, [self.normal @ phi - 1.0]]), matrix
+
+    def resolved(self, x: Array, q: Array) -> bool:
+        """Whether the solution at the fold is resolved."""
+        state, _, full = self._parts(x, q)
+        return self.system.resolved(state, full)
+
+    def refined(self) -> FoldSystem | None:
+        """The folds of the refined system."""
+        finer = self.system.refined()
+        return None if finer is None else FoldSystem(finer, self.system.prolonged(self.normal))
+
+    def prolonged(self, x: Array) -> Array:
+        """(x, phi, q_1) carried to the refined system."""
+        n = self.normal.size
+        carry = self.system.prolonged
+        return np.concatenate([carry(x[:n]), carry(x[n : 2 * n]), x[2 * n :]])
+
+    def _parts(self, x: Array, q: Array) -> tuple[Array, Array, Array]:
+        n = self.normal.size
+        return x[:n], x[n : 2 * n], np.concatenate([x[2 * n :], q])
+
+
+def fold_unknowns(x: Array, null_vector: Array, parameter: float) -> tuple[Array, Array]:
+    """(start, normal) for a FoldSystem from a solution near the fold and its null vector."""
+    phi = null_vector / np.linalg.norm(null_vector)
+    return np.concatenate([x, phi, [parameter]]), phi

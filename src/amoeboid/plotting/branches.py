@@ -1,0 +1,203 @@
+"""Figures of axisymmetric steady states, branches and phase diagrams."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from amoeboid.axisymmetric.branches import Branch, BranchPoint
+from amoeboid.axisymmetric.phase_diagram import REGIONS, PhaseDiagram
+from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SUFFIXES = (".png", ".pdf", ".svg")
+STABLE, UNSTABLE, MARK, EDGE = "#0b6e99", "#c8553d", "#222222", "#6b4fa0"
+REGION_COLORS = ("#f2f2f2", "#8fc1d9", "#f3d38c", "#e3a79b", "#bbbbbb")
+
+
+def check_picture_path(path: Path) -> None:
+    """Raise InvalidInput if no picture can be written there: wrong suffix or no such folder."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise InvalidInput(f"--plot must end in {', '.join(SUFFIXES)}, got {str(path)!r}")
+    if not path.parent.is_dir():
+        raise InvalidInput(f"--plot must lie in an existing folder, got {str(path)!r}")
+
+
+def draw_states(states: Sequence[tuple[SteadyState, bool]], path: Path) -> None:
+    """Outlines colored by c, front up, and profiles of c and u; (state, stable) pairs."""
+    figure = _figure(3.0 * len(states) + 0.8, 5.6)
+    grid = figure.add_gridspec(2, len(states), height_ratios=(1.5, 1.0))
+    highest = max(s.c_rear for s, _ in states)
+    image: Any = None
+    first: Any = None
+    outlines = []
+    for k in range(len(states)):
+        first = figure.add_subplot(grid[0, k], sharex=first, sharey=first)
+        outlines.append(first)
+    for axes, (state, stable) in zip(outlines, states, strict=True):
+        image = _outline(axes, state, highest)
+        word = "stable" if stable else "unstable"
+        axes.set_title(
+            f"$v_0$ = {state.max_retrograde_speed:.4g}, {word}",
+            fontsize=10,
+            color=STABLE if stable else UNSTABLE,
+        )
+    figure.colorbar(image, ax=outlines, label="filament concentration c", shrink=0.85)
+    below: Any = None
+    for k, (state, _) in enumerate(states):
+        below = figure.add_subplot(grid[1, k], sharey=below)
+        _profile(below, state)
+        if k == 0:
+            below.set_ylabel("c, retrograde flow |u|")
+            below.legend(frameon=False)
+            below.set_ylim(0.0, 1.05 * max(highest, *(s.max_retrograde_speed for s, _ in states)))
+    figure.savefig(path, dpi=150)
+
+
+def _outline(axes: Any, state: SteadyState, highest: float) -> Any:
+    x = np.linspace(0.0, np.pi, 300)
+    r, z = state.position(x)
+    c = state.concentration(x)
+    if c[0] > c[-1]:  # front up
+        z = -z
+    limits = {"vmin": 0.0, "vmax": highest, "cmap": "viridis", "s": 9}
+    image = axes.scatter(r, z, c=c, **limits)
+    axes.scatter(-r, z, c=c, **limits)
+    radius = state.parameters.R0
+    angle = np.linspace(0, 2 * np.pi, 200)
+    axes.plot(radius * np.sin(angle), radius * np.cos(angle), ":", color="0.6", lw=0.8)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    return image
+
+
+def _profile(axes: Any, state: SteadyState) -> None:
+    x = np.linspace(0.0, np.pi, 300)
+    c, u = state.concentration(x), np.abs(state.flow(x))
+    if c[0] > c[-1]:
+        c, u = c[::-1], u[::-1]
+    axes.plot(x / np.pi, c, color=STABLE, label="c")
+    axes.plot(x / np.pi, u, color=UNSTABLE, ls="--", label="|u|")
+    axes.set_xlabel("arclength, front to rear")
+    axes.grid(alpha=0.25)
+
+
+def draw_branch(branch: Branch, path: Path) -> None:
+    """Maximal retrograde speed along the branch, solid where stable, with its special points."""
+    figure = _figure(6.4, 4.4)
+    axes = figure.add_subplot()
+    for points, stable in _pieces(branch):
+        axes.plot(
+            [b.value for b in points],
+            [b.state.max_retrograde_speed for b in points],
+            color=STABLE if stable else UNSTABLE,
+            ls="-" if stable else "--",
+            lw=1.8,
+        )
+    axes.plot([], [], color=STABLE, lw=1.8, label="stable")
+    axes.plot([], [], color=UNSTABLE, lw=1.8, ls="--", label="unstable")
+    _markers(axes, branch)
+    axes.axhline(0.0, color="0.5", lw=0.8, label="homogeneous sphere")
+    axes.set_xlabel(_label(branch.name))
+    axes.set_ylabel("maximal retrograde speed $v_0$")
+    axes.grid(alpha=0.25)
+    axes.legend(frameon=False, fontsize=9)
+    figure.savefig(path, dpi=150)
+
+
+def _pieces(branch: Branch) -> list[tuple[list[BranchPoint], bool]]:
+    """The branch cut where its stability changes: at folds and crossings."""
+    special = [*branch.folds, *(c.at for c in branch.crossings)]
+    ordered = sorted((*branch.points, *special), key=lambda b: b.point.length)
+    pieces: list[tuple[list[BranchPoint], bool]] = []
+    for a, b in pairwise(ordered):
+        stable = a.stable if a not in special else b.stable
+        if pieces and pieces[-1][1] == stable:
+            pieces[-1][0].append(b)
+        else:
+            pieces.append(([a, b], stable))
+    return pieces
+
+
+def _markers(axes: Any, branch: Branch) -> None:
+    if branch.origin is not None:
+        axes.plot(branch.origin, 0.0, "o", color=MARK, label=f"threshold {branch.origin:.5g}")
+    for fold in branch.folds:
+        axes.plot(
+            fold.value,
+            fold.state.max_retrograde_speed,
+            "s",
+            color=MARK,
+            label=f"fold {fold.value:.6g}",
+        )
+    for crossing in branch.crossings:
+        kind = "Hopf point" if crossing.oscillating else "bifurcation"
+        axes.plot(
+            crossing.at.value,
+            crossing.at.state.max_retrograde_speed,
+            "^" if crossing.oscillating else "D",
+            color=EDGE,
+            label=f"{kind}, m = {crossing.m}, {crossing.at.value:.5g}",
+        )
+
+
+def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
+    """Regions as colors, the threshold and the fold line as curves, their meeting point."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from matplotlib.patches import Patch
+
+    figure = _figure(6.8, 4.8)
+    axes = figure.add_subplot()
+    axes.pcolormesh(
+        diagram.values,
+        diagram.speeds,
+        diagram.regions,
+        cmap=ListedColormap(REGION_COLORS),
+        norm=BoundaryNorm(np.arange(len(REGIONS) + 1) - 0.5, len(REGIONS)),
+        shading="nearest",
+    )
+    threshold = [(c.value, c.threshold) for c in diagram.columns if c.threshold is not None]
+    handles: list[Any] = []
+    if threshold:
+        handles += axes.plot(*zip(*threshold, strict=True), color=STABLE, lw=2, label="threshold")
+    if diagram.fold_line:
+        handles += axes.plot(
+            *zip(*diagram.fold_line, strict=True), color=UNSTABLE, lw=2, ls="--", label="fold"
+        )
+    for tip in diagram.tips:
+        handles += axes.plot(*tip, "o", color=MARK, label=f"super/subcritical, {tip[0]:.4g}")
+    present = np.unique(diagram.regions)
+    handles += [
+        Patch(facecolor=REGION_COLORS[k], edgecolor="0.7", label=REGIONS[k]) for k in present
+    ]
+    axes.set_xlim(diagram.values[0], diagram.values[-1])
+    axes.set_ylim(diagram.speeds[0], diagram.speeds[-1])
+    axes.set_xlabel(_label(diagram.name))
+    axes.set_ylabel(_label("v_p0"))
+    axes.legend(handles=handles, fontsize=8, loc="upper left", framealpha=0.9)
+    figure.savefig(path, dpi=150)
+
+
+def _figure(width: float, height: float) -> Figure:
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def _label(name: str) -> str:
+    symbols = {
+        "v_p0": "polymerization speed $v_p^0$",
+        "D": "diffusion coefficient $D$",
+        "delta_P": r"pressure difference $\Delta P$",
+        "beta": r"turnover rate $\beta$",
+        "alpha": r"elastic resistance $\alpha$",
+        "c0": "homeostatic concentration $c_0$",
+    }
+    return symbols.get(name, name)

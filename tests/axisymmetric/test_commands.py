@@ -1,0 +1,126 @@
+"""The commands steady, branch and phase-diagram: what they print, draw and refuse."""
+
+import json
+
+import pytest
+
+from amoeboid.cli.main import main
+
+
+def run(capsys, *words):
+    code = main(list(words))
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_steady_prints_every_state_with_its_stability(capsys):
+    code, out, err = run(capsys, "steady", "--set", "D=0.4", "--set", "v_p0=5.5", "--json")
+    assert code == 0
+    assert err == ""
+    document = json.loads(out)
+    assert [s["stable"] for s in document["states"]] == [True, False, True]
+    assert document["states"][0]["max_retrograde_speed"] == 0.0
+    assert document["states"][2]["max_retrograde_speed"] == pytest.approx(1.4537, abs=5e-5)
+    assert set(document["states"][2]) >= {
+        "max_retrograde_speed", "c_front", "c_rear", "zeta0", "stable",
+    }  # fmt: skip
+
+
+def test_branch_prints_points_folds_and_branch_points(capsys):
+    code, out, err = run(
+        capsys, "branch", "--set", "D=0.4", "--vary", "v_p0", "--to", "8", "--json"
+    )
+    assert code == 0
+    assert err == ""
+    document = json.loads(out)
+    assert document["folds"][0]["v_p0"] == pytest.approx(5.20959845, abs=1e-8)
+    assert document["branch_points"][0]["v_p0"] == pytest.approx(6.0256610770, abs=1e-9)
+    assert document["points"][-1]["v_p0"] == 8.0
+    assert set(document["points"][0]) >= {
+        "v_p0", "max_retrograde_speed", "c_front", "c_rear", "zeta0", "stable",
+    }  # fmt: skip
+    assert document["message"] == ""
+
+
+def test_branch_in_another_parameter(capsys):
+    words = ("branch", "--set", "D=0.4", "--set", "v_p0=6", "--vary", "delta_P", "--to", "50")
+    code, out, _ = run(capsys, *words, "--json")
+    assert code == 0
+    points = json.loads(out)["points"]
+    assert points[0]["delta_P"] == 300.0
+    assert points[0]["max_retrograde_speed"] == pytest.approx(1.834173, abs=5e-7)
+    assert points[-1]["delta_P"] == 50.0
+
+
+def test_an_incomplete_branch_says_so(capsys):
+    words = ("branch", "--set", "D=0.4", "--to", "8", "--max-points", "5", "--json")
+    code, out, err = run(capsys, *words)
+    assert code == 1
+    assert "incomplete" in err
+    assert "allow more" in json.loads(out)["message"]
+
+
+def test_phase_diagram_prints_and_draws_regions_and_edges(capsys, tmp_path):
+    path = tmp_path / "diagram.png"
+    words = ("--from", "0.04", "--to", "0.4", "--columns", "3", "--rows", "3", "--plot", str(path))
+    code, out, _ = run(capsys, "phase-diagram", *words, "--json")
+    assert code == 0
+    assert path.stat().st_size > 5000
+    document = json.loads(out)
+    assert len(document["regions"]) == 3
+    assert {len(row) for row in document["regions"]} == {3}
+    assert len(document["threshold"]) == 3
+    assert document["boundary"][0]["D"] == pytest.approx(0.0451, abs=1e-4)
+    assert document["fold"]
+
+
+def test_tables_for_people(capsys):
+    _, out, _ = run(capsys, "steady")
+    assert "0.3417" in out
+    _, out, _ = run(capsys, "branch", "--set", "D=0.4", "--to", "6", "--max-step", "0.4")
+    assert "fold at v_p0 = 5.20959845" in out
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("steady",),
+        ("branch", "--set", "D=0.4", "--set", "delta_P=11", "--to", "8", "--max-step", "0.3"),
+    ],
+)
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
+    path = tmp_path / f"picture{suffix}"
+    assert run(capsys, *words, "--plot", str(path))[0] == 0
+    assert path.stat().st_size > 5000
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (("steady", "--set", "D=-1"), "D must be"),
+        (("steady", "--set", "law=nonsense"), "law may use"),
+        (("steady", "--plot", "picture.jpg"), "--plot must end in"),
+        (("steady", "--plot", "no/such/folder/a.png"), "existing folder"),
+        (("branch", "--vary", "law", "--to", "1"), "--vary must be one of"),
+        (("branch", "--vary", "D", "--to", "-1"), "D must be"),
+        (("branch", "--to", "nan"), "--to must be a finite number"),
+        (("branch", "--from", "3", "--to", "3"), "must differ"),
+        (("branch", "--to", "8", "--max-step", "0"), "--max-step must be > 0"),
+        (("branch", "--to", "8", "--max-points", "0"), "--max-points must be >= 1"),
+        (("branch", "--to", "2"), "does not enter"),
+        (("branch", "--to", "8", "--set", "law=v_p0*(1+c)"), "no polarized state"),
+        (("branch", "--vary", "alpha", "--to", "1", "--set", "v_p0=1"), "no polarized state"),
+        (("phase-diagram", "--vary", "v_p0"), "--vary must be one of"),
+        (("phase-diagram", "--from", "1", "--to", "0.5"), "--from must be < --to"),
+        (("phase-diagram", "--speed-from", "9"), "--speed-from must be < --speed-to"),
+        (("phase-diagram", "--columns", "1"), "--columns must be >= 2"),
+        (("phase-diagram", "--to", "inf"), "finite number"),
+    ],
+)
+def test_mistakes_are_one_message_and_exit_code_2(capsys, words, text):
+    code, out, err = run(capsys, *words)
+    assert code == 2
+    assert out == ""
+    assert text in err
+    assert len(err.strip().splitlines()) == 1

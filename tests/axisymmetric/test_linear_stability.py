@@ -1,0 +1,140 @@
+"""Spectra: on the sphere against the theory, elsewhere against invariances and the dynamics."""
+
+import numpy as np
+import pytest
+
+from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.evolution import Dynamics, state_of
+from amoeboid.axisymmetric.harmonics import harmonics
+from amoeboid.axisymmetric.stability import (
+    growth_rates,
+    reduced_matrix,
+    spectrum,
+    sphere_block,
+    unstable_modes,
+)
+from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.parameters import Parameters
+from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
+
+SPHERES = [
+    Parameters(),
+    Parameters(D=0.4, v_p0=6.0, alpha=0.1, delta_P=11.0, R0=1.3, eta_b=0.3, c_r=1.7),
+    Parameters(law="inverse", delta_P=1.0, beta=0.0),
+    Parameters(law="v_p0/(1 + c/c_r)**2", delta_P=0.0, eta_s=0.4),
+]
+
+
+@pytest.mark.parametrize("m", range(4))
+@pytest.mark.parametrize("p", SPHERES)
+def test_eigenvalues_about_the_sphere_are_those_of_the_theory(p, m):
+    found = growth_rates(homogeneous(p), m, degree=9)
+    for l in range(max(m, 1), 7):
+        exact = (
+            np.linalg.eigvals(finite_pressure_matrix(p, l))
+            if l > 1
+            else np.array([growth_rate(p, 1)])
+        )
+        for rate in exact:
+            assert np.abs(found - rate).min() < 1e-9 * max(1.0, abs(rate))
+
+
+def test_the_spectrum_on_the_sphere_holds_nothing_else():
+    # m = 0, degrees 0..6: c_0; c_1; (rho_l, c_l) for l = 2..6
+    assert growth_rates(homogeneous(Parameters()), 0, 6).size == 12
+    # m = 1: without l = 0; translations removed
+    assert growth_rates(homogeneous(Parameters()), 1, 6).size == 11
+    assert growth_rates(homogeneous(Parameters()), 2, 6).size == 10
+
+
+def test_the_block_of_one_degree():
+    p = Parameters(D=0.4, v_p0=6.0, delta_P=11.0)
+    swapped = finite_pressure_matrix(p, 3)[::-1, ::-1]
+    # columns are (h, c) here and (rho, c) = (h / R0, c) in the theory; R0 = 1
+    np.testing.assert_allclose(
+        np.linalg.eigvals(sphere_block(p, 3)), np.linalg.eigvals(swapped), rtol=1e-11
+    )
+    assert sphere_block(p, 1)[0, 0] == pytest.approx(float(growth_rate(p, 1)), rel=1e-11)
+
+
+@pytest.mark.parametrize("m", range(4))
+def test_harmonics_are_orthonormal_and_their_slopes_integrate_to_the_laplacian(m):
+    basis = harmonics(m, 12, 20)
+    weights = basis.weights[:, None]
+    np.testing.assert_allclose(
+        basis.values.T @ (weights * basis.values), np.eye(13 - m), atol=1e-13
+    )
+    dirichlet = basis.slopes.T @ (weights * basis.slopes)
+    dirichlet += basis.over_sine.T @ (weights * basis.over_sine)
+    degrees = basis.degrees * (basis.degrees + 1.0)
+    np.testing.assert_allclose(dirichlet, np.diag(degrees), atol=1e-10)
+
+
+DEFORMED = [
+    Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
+    Parameters(D=0.4, v_p0=5.5, alpha=0.02, delta_P=30.0, eta_b=0.5),
+]
+
+
+@pytest.mark.parametrize("p", DEFORMED)
+def test_translations_and_rotations_of_a_deformed_cell_are_neutral(p):
+    """A moved cell stays a moved cell: A maps the span of these modes to itself (m = 1).
+
+    How it moves within that span is a choice of frame.
+    """
+    state = steady_states(p, degrees=(1,))[-1]
+    rates, removed, _ = reduced_matrix(state, 1, 30)
+    assert removed.shape[1] == 2
+    image = rates @ removed
+    assert np.linalg.norm(image) > 0.1
+    outside = image - removed @ np.linalg.lstsq(removed, image, rcond=None)[0]
+    assert np.linalg.norm(outside) < 1e-8
+
+
+@pytest.mark.parametrize("p", DEFORMED)
+def test_axisymmetric_rates_are_those_of_the_nonlinear_dynamics(p):
+    """Two derivations that share nothing but the steady state: weak and covariant, strong."""
+    state = steady_states(p, degrees=(1,))[-1]
+    dynamics = np.linalg.eigvals(Dynamics(p, state.n).jacobian(state_of(state)))
+    for rate in growth_rates(state, 0, 30)[:6]:
+        assert np.abs(dynamics - rate).min() < 1e-7 * abs(rate)
+
+
+def test_growth_rates_do_not_depend_on_the_number_of_harmonics():
+    state = steady_states(DEFORMED[0], degrees=(1,))[-1]
+    for m in range(4):
+        coarse, fine = growth_rates(state, m, 26)[:3], growth_rates(state, m, 32)[:3]
+        np.testing.assert_allclose(coarse, fine, rtol=1e-7)
+
+
+def test_modes_solve_their_eigenvalue_problem():
+    p = Parameters(D=0.4, v_p0=6.0)
+    found = spectrum(homogeneous(p), 2, 8)
+    matrix_, _, _ = reduced_matrix(homogeneous(p), 2, 8)
+    np.testing.assert_allclose(matrix_ @ found.modes, found.modes * found.rates, atol=1e-9)
+
+
+def test_the_sphere_loses_stability_at_the_threshold_for_m_0_and_1_only():
+    p = Parameters()
+    below, above = (unstable_modes(homogeneous(p.replace(v_p0=v))) for v in (3.54, 3.56))
+    assert below == {0: 0, 1: 0, 2: 0, 3: 0}
+    assert above == {0: 1, 1: 1, 2: 0, 3: 0}
+
+
+def test_at_low_pressure_the_sphere_deforms_before_it_polarizes():
+    # delta_P* of the theory: below it l = 2 grows first
+    p = Parameters()
+    p = p.replace(v_p0=float(critical_speed(p)))
+    f0 = float(p.v_p(p.c0))
+    S = p.eta_s + p.eta_b
+    limit = (
+        4
+        * p.beta
+        * p.eta_s
+        * S
+        * f0
+        / (6 * p.D * (2 * p.eta_s + p.eta_b) + p.R0**2 * p.beta * p.eta_s)
+    )
+    for factor, grows in ((0.99, True), (1.01, False)):
+        fastest = growth_rates(homogeneous(p.replace(delta_P=factor * limit)), 2, 8)[0].real
+        assert (fastest > 0) == grows

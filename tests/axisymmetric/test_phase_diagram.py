@@ -1,0 +1,113 @@
+"""Phase diagram: regions against single branches, edges against theory and direct continuation."""
+
+import numpy as np
+import pytest
+
+from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
+from amoeboid.axisymmetric.criticality import critical_values, criticality
+from amoeboid.axisymmetric.phase_diagram import (
+    REGIONS,
+    UNRESOLVED,
+    phase_column,
+    phase_columns,
+    phase_diagram,
+)
+from amoeboid.axisymmetric.stability import unstable_modes
+from amoeboid.numerics.continuation import Options
+from amoeboid.parameters import Parameters
+from amoeboid.theory.linear import critical_speed
+from amoeboid.validation import InvalidInput
+
+
+@pytest.fixture(scope="module")
+def diagram():
+    values, speeds = np.linspace(0.04, 0.4, 3), np.linspace(3.2, 6.2, 5)
+    columns = tuple(phase_columns(Parameters(), "D", values, speeds))
+    return phase_diagram(Parameters(), "D", values, speeds, columns)
+
+
+def test_regions_are_what_the_states_at_each_point_say(diagram):
+    for i, j in ((0, 0), (1, 0), (4, 1), (3, 2), (0, 2)):
+        p = Parameters(D=float(diagram.values[j]), v_p0=float(diagram.speeds[i]))
+        states = steady_states(p, degrees=(1,))
+        stable = [not any(unstable_modes(s).values()) for s in states]
+        word = {
+            (True, False): "rest",
+            (False, True): "polarized",
+            (True, True): "bistable",
+            (False, False): "neither stable",
+        }[stable[0], len(states) > 1 and stable[-1]]
+        assert REGIONS[diagram.regions[i, j]] == word
+        flow = states[-1].max_retrograde_speed if word in ("polarized", "bistable") else 0.0
+        assert diagram.flow[i, j] == pytest.approx(flow, rel=1e-8)
+    assert {"rest", "polarized", "bistable"} == {REGIONS[k] for k in np.unique(diagram.regions)}
+
+
+def test_the_threshold_column_by_column_is_that_of_the_theory(diagram):
+    for column in diagram.columns:
+        exact = float(critical_speed(Parameters(D=column.value)))
+        assert column.threshold == pytest.approx(exact, rel=1e-11)
+
+
+def test_the_fold_line_passes_through_the_folds_of_the_columns(diagram):
+    line = np.array(diagram.fold_line)
+    assert np.all(np.diff(line[:, 0]) > 0)
+    inner = line[line[:, 0] > 0.1][3]
+    direct = branch_from_sphere(
+        Parameters(D=float(inner[0])), "v_p0", Window(0.0, 7.0), options=Options(max_step=0.05)
+    )
+    assert direct.folds[0].value == pytest.approx(inner[1], abs=1e-8)
+
+
+def test_the_fold_line_ends_at_the_tip(diagram):
+    ((D, v),) = diagram.tips
+    assert v == pytest.approx(float(critical_speed(Parameters(D=D))), rel=1e-9)
+    nearest = min(abs(point[0] - D) for point in diagram.fold_line)
+    assert nearest < 0.02
+
+
+def test_the_tip_tends_to_the_boundary_of_the_theory_at_high_pressure():
+    """nu = 0 at delta_P -> infinity, exponential law: D = 1/22 for c0 = 3, eta_s = eta_b."""
+    c0, eta = 3.0, 1.0
+    D = ((10 * eta + 6) * c0 + 2 * eta - (3 * eta + 2) * c0**2) / (
+        2 * ((8 * eta + 5) * c0**2 - (12 * eta + 8) * c0 - 2 * eta)
+    )
+    tips = [
+        critical_values(Parameters(delta_P=pressure), "D", [0.03, 0.06])[0]
+        for pressure in (1e3, 4e3)
+    ]
+    extrapolated = np.polyfit(1 / np.array([1e3, 4e3]), tips, 1)[-1]
+    assert extrapolated == pytest.approx(D, rel=1e-4)
+    assert abs(tips[1] - D) < abs(tips[0] - D)
+
+
+def test_criticality_has_the_sign_that_the_branches_show():
+    assert criticality(Parameters(D=0.03)) > 0
+    assert criticality(Parameters(D=0.4)) < 0
+    assert criticality(Parameters(law="v_p0*(1 + c/c_r)")) is None
+
+
+def test_a_law_without_instability_rests_everywhere():
+    column = phase_column(Parameters(law="v_p0*(1 + c/c_r)"), 0.1, np.array([1.0, 2.0]))
+    assert column.threshold is None
+    assert [REGIONS[k] for k in column.regions] == ["rest", "rest"]
+
+
+def test_what_the_modes_cannot_resolve_is_marked(monkeypatch):
+    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 32)
+    column = phase_column(Parameters(D=0.03), 0.03, np.array([3.0, 3.8, 7.9]))
+    assert [REGIONS[k] for k in column.regions] == ["rest", "polarized", REGIONS[UNRESOLVED]]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "speeds"),
+    [
+        ("v_p0", [1.0, 2.0], [1.0, 2.0]),
+        ("D", [0.2, 0.1], [1.0, 2.0]),
+        ("D", [0.1], [1.0, 2.0]),
+        ("D", [0.1, 0.2], [2.0, 2.0]),
+    ],
+)
+def test_impossible_axes_are_refused(name, values, speeds):
+    with pytest.raises(InvalidInput):
+        next(phase_columns(Parameters(), name, np.array(values), np.array(speeds)))

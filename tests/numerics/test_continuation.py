@@ -1,0 +1,123 @@
+"""Continuation on curves that are known in closed form."""
+
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from amoeboid.numerics.continuation import (
+    Options,
+    Stalled,
+    at_parameter,
+    follow,
+    located,
+    started,
+    through,
+)
+from amoeboid.numerics.newton import newton
+from amoeboid.numerics.singular import FoldSystem, fold_unknowns
+from amoeboid.validation import InvalidInput
+
+
+@dataclass(frozen=True)
+class Cusp:
+    """q_0 + q_1 x - x^3 = 0: folds in q_0 at x = +-sqrt(q_1/3)."""
+
+    second: float = 3.0
+
+    weights = np.ones(1)
+    scale = np.ones(1)
+
+    def _q(self, q):
+        return q if q.size == 2 else np.append(q, self.second)
+
+    def residual(self, x, q):
+        a, b = self._q(q)
+        return np.array([a + b * x[0] - x[0] ** 3])
+
+    def residual_and_jacobian(self, x, q):
+        return self.residual(x, q), np.array([[self._q(q)[1] - 3 * x[0] ** 2]])
+
+    def resolved(self, x, q):
+        return True
+
+    def refined(self):
+        return None
+
+    def prolonged(self, x):
+        return x
+
+
+def start(**changes):
+    options = Options(max_step=0.3, **changes)
+    x = at_parameter(Cusp(), np.array([-2.5]), -8.0)
+    return started(Cusp(), x, -8.0, np.array([0.0]), 1.0, options), options
+
+
+def test_every_point_solves_and_both_folds_are_found():
+    begin, options = start()
+    points = []
+    for point in follow(begin, options):
+        points.append(point)
+        if point.parameter > 8.0:
+            break
+    for point in points:
+        assert abs(point.parameter + 3 * point.x[0] - point.x[0] ** 3) < 1e-11
+    folds = [p for p in points if p.fold]
+    # with q_1 = 3 the folds lie at x = -1 and x = +1, q_0 = 2 and -2
+    assert [f.parameter for f in folds] == pytest.approx([2.0, -2.0], abs=1e-10)
+    assert [f.x[0] for f in folds] == pytest.approx([-1.0, 1.0], abs=1e-5)
+
+
+def test_an_event_is_located_on_the_branch():
+    begin, options = start()
+    a = begin
+    for b in follow(begin, options):
+        if b.x[0] > 0.5:
+            break
+        a = b
+    found = located(a, b, lambda p: p.x[0] - 0.5, options)
+    assert found.parameter == pytest.approx(0.125 - 1.5, abs=1e-9)
+
+
+def test_the_fold_is_followed_in_a_second_parameter_along_the_cusp():
+    phi = np.array([1.0])
+    x, normal = fold_unknowns(np.array([-0.9]), phi, 1.9)
+    system = FoldSystem(Cusp(), normal)
+    q = np.array([3.0])
+    first = newton(lambda y: system.residual(y, q), lambda y: system.residual_and_jacobian(y, q), x)
+    assert first.converged
+    options = Options(max_step=0.3)
+    begin = through(system, first.x, 3.0, -1.0, options)
+    seen = 0
+    for point in islice(follow(begin, options), 12):
+        if point.parameter < 0.2:
+            break
+        seen += 1
+        # the cusp 27 q_0^2 = 4 q_1^3
+        assert 27 * point.x[2] ** 2 == pytest.approx(4 * point.parameter**3, rel=1e-9)
+    assert seen >= 5
+
+
+def test_a_curve_that_ends_stalls_instead_of_inventing_points():
+    class Ending(Cusp):
+        def residual(self, x, q):
+            if q[0].real > 1.0:
+                raise InvalidInput("ends here")
+            return super().residual(x, q)
+
+    options = Options(max_step=0.3)
+    begin = started(Ending(), np.array([-2.49]), -8.0, np.array([0.0]), 1.0, options)
+    points = []
+    with pytest.raises(Stalled, match="no step"):
+        points.extend(follow(begin, options))
+    assert all(p.parameter <= 1.0 for p in points)
+
+
+@pytest.mark.parametrize(
+    "change", [{"max_step": 0.0}, {"angle": -1.0}, {"max_points": 0}, {"min_step": 0.0}]
+)
+def test_impossible_options_are_refused(change):
+    with pytest.raises(InvalidInput, match="got"):
+        Options(**change)

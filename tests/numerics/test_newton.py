@@ -1,0 +1,45 @@
+import numpy as np
+import pytest
+
+from amoeboid.numerics.newton import newton
+from amoeboid.validation import InvalidInput
+
+
+def cubic(x):
+    return x**3 - np.array([1.0, 8.0])
+
+
+def cubic_and_jacobian(x):
+    return cubic(x), np.diag(3 * x**2)
+
+
+def test_converges_quadratically():
+    result = newton(cubic, cubic_and_jacobian, np.array([1.3, 2.3]))
+    assert result.converged
+    np.testing.assert_allclose(result.x, [1.0, 2.0], rtol=1e-14)
+    steps = np.array(result.steps)
+    order = np.log(steps[3] / steps[2]) / np.log(steps[2] / steps[1])
+    assert order == pytest.approx(2.0, abs=0.2)
+
+
+def test_a_system_without_solution_is_not_converged_and_keeps_its_history():
+    result = newton(lambda x: x**2 + 1.0, lambda x: (x**2 + 1.0, np.diag(2 * x)), np.array([3.0]))
+    assert not result.converged
+    assert len(result.residuals) >= 2
+    assert min(result.residuals) >= 1.0 - 1e-12
+
+
+def test_a_singular_jacobian_is_not_converged():
+    result = newton(lambda x: x**2 + 1.0, lambda x: (x**2 + 1.0, np.diag(2 * x)), np.array([0.0]))
+    assert not result.converged
+
+
+def test_a_step_into_forbidden_territory_is_shortened():
+    def root(x):
+        if np.any(x <= 0):
+            raise InvalidInput("x must be > 0")
+        return np.log(x) - 1.0
+
+    result = newton(root, lambda x: (root(x), np.diag(1 / x)), np.array([20.0]))
+    assert result.converged
+    assert result.x[0] == pytest.approx(np.e, rel=1e-14)
