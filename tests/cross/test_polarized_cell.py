@@ -8,7 +8,7 @@ from amoeboid.observables import observed, polarity
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.surface.geometry import area
-from cross.spectral_values import SPECTRAL
+from cross.spectral import OBSERVED, polarized
 
 
 def final(D, v_p0, perturbation, subdivisions=3, **time):
@@ -24,10 +24,16 @@ def final(D, v_p0, perturbation, subdivisions=3, **time):
     return model, step
 
 
+def reference(D, v_p0):
+    """The axisymmetric steady state at the same point, by name of the observable."""
+    state = polarized(Parameters(D=D, v_p0=v_p0))
+    return {name: getattr(state, name) for name in OBSERVED}
+
+
 def test_figure_3d_has_the_numbers_of_the_spectral_solver():
     model, last = final(0.4, 6.0, 3.0)
     assert last.ended == "steady"
-    found, exact = observed(model, last.state, last.flow), SPECTRAL[0.4, 6.0]
+    found, exact = observed(model, last.state, last.flow), reference(0.4, 6.0)
     print({name: found[name] for name in exact})
     # the bounds that the 642-node mesh must keep; its own errors are about half of them
     assert found["max_retrograde_speed"] == pytest.approx(exact["max_retrograde_speed"], rel=0.005)
@@ -39,9 +45,9 @@ def test_figure_3d_has_the_numbers_of_the_spectral_solver():
 
 def test_supercritical_cell_polarizes_from_a_small_perturbation_at_second_order():
     """D = 0.03, v_p0 = 3.8 from a perturbation of 0.03, on two meshes."""
-    exact = SPECTRAL[0.03, 3.8]["max_retrograde_speed"]
+    exact = reference(0.03, 3.8)["max_retrograde_speed"]
     errors = []
-    print(f"\n{'nodes':>6} {'speed':>9} {'error':>8}   (spectral {exact})")
+    print(f"\n{'nodes':>6} {'speed':>9} {'error':>8}   (spectral {exact:.6f})")
     for subdivisions in (2, 3):
         model, last = final(0.03, 3.8, 0.03, subdivisions, end=400)
         assert last.ended == "steady"
@@ -51,14 +57,14 @@ def test_supercritical_cell_polarizes_from_a_small_perturbation_at_second_order(
     order = np.log2(errors[0] / errors[1])
     print(f"order {order:.2f}")
     # at least second order; 162 nodes are too few for the leading order alone
-    assert 1.8 < order < 2.5
+    assert order > 1.8
     assert abs(errors[-1]) < 0.03
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("D", "v_p0", "perturbation"), [(0.03, 3.8, 0.6), (0.4, 6.0, 3.0)])
 def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
-    exact = SPECTRAL[D, v_p0]
+    exact = reference(D, v_p0)
     table = {name: [] for name in exact}
     for subdivisions in (2, 3, 4):
         model, last = final(D, v_p0, perturbation, subdivisions, end=1000)
@@ -91,3 +97,36 @@ def test_hysteresis_of_figure_3b(v_p0, perturbation, polarized):
         # what remains is the small flow of the mesh itself
         assert found["max_retrograde_speed"] < 3e-3
         assert polarity(model, last.state, last.flow) < 1e-3
+
+
+POINTS = [
+    Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
+    Parameters(D=0.4, v_p0=6.0, delta_P=30.0, eta_b=3.0),
+    Parameters(D=0.1, v_p0=4.5, alpha=0.05),
+    Parameters(D=0.03, v_p0=1.75, law="inverse"),
+    Parameters(D=0.1, v_p0=0.75, beta=0.0),
+    Parameters(D=0.1, v_p0=4.0, law="v_p0/(1 + (c/c_r)**2)"),
+]
+
+
+@pytest.mark.parametrize("p", POINTS, ids=lambda p: f"{p.law} D={p.D} delta_P={p.delta_P}")
+def test_the_shell_finds_the_axisymmetric_state_at_other_points(p):
+    """Soft cells, other viscosities, elasticity, laws, no turnover: within 3 % on 642 nodes."""
+    state = polarized(p)
+    config = Config(
+        parameters=p,
+        initial=Initial(perturbation=0.7 * p.c0),
+        time=Time(end=400 / p.rate),
+    )
+    model, first = start(config)
+    *_, last = evolve(model, first, config.time)
+    assert last.ended == "steady"
+    found = observed(model, last.state, last.flow)
+    # without turnover the front is nearly empty (c = 0.04): its error is one of c0, not of itself
+    scales = {name: getattr(state, name) for name in OBSERVED}
+    scales["c_front"] = max(scales["c_front"], 0.1 * p.c0)
+    errors = {name: (found[name] - getattr(state, name)) / scales[name] for name in OBSERVED}
+    print({name: f"{error:+.3%}" for name, error in errors.items()})
+    # c_rear carries the width of the peak in units of the mesh
+    tolerances = {"max_retrograde_speed": 0.03, "c_front": 0.03, "c_rear": 0.05, "zeta0": 0.005}
+    assert all(abs(errors[name]) < tolerances[name] for name in OBSERVED), errors
