@@ -26,9 +26,11 @@ def test_runs_of_the_readme_finish(arguments, tmp_path, monkeypatch):
 
 
 def test_the_python_lines_of_the_readme_run(capsys):
-    (code,) = [block for kind, block in BLOCKS if kind == "python"]
-    exec(compile(code, "README.md", "exec"), {})  # noqa: S102  (our own file)
+    simulation, theory = [block for kind, block in BLOCKS if kind == "python"]
+    exec(compile(simulation, "README.md", "exec"), {})  # noqa: S102  (our own file)
     assert capsys.readouterr().out.startswith("steady {'max_retrograde_speed': 1.83")
+    exec(compile(theory, "README.md", "exec"), {})  # noqa: S102
+    assert "1.83417" in capsys.readouterr().out
 
 
 def test_the_readme_has_its_two_lines():

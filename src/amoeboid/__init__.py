@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from amoeboid.axisymmetric.branches import branch_from_sphere, steady_states
+    from amoeboid.axisymmetric.stability import unstable_modes
     from amoeboid.config import (
         Config,
         Initial,
@@ -23,6 +25,9 @@ if TYPE_CHECKING:
     from amoeboid.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.simulation import Diverged, Step, evolve, start
     from amoeboid.surface.model import Flow, Model, State
+    from amoeboid.theory.branch import prediction
+    from amoeboid.theory.linear import growth_rate, thresholds
+    from amoeboid.theory.points import points
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
@@ -43,13 +48,20 @@ _HOMES = {
     "State": "surface.model",
     "Step": "simulation",
     "Time": "config",
+    "branch_from_sphere": "axisymmetric.branches",
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation",
+    "growth_rate": "theory.linear",
     "observed": "observables",
     "parameters_from_toml": "parameters",
     "parameters_to_toml": "parameters",
+    "points": "theory.points",
+    "prediction": "theory.branch",
     "start": "simulation",
+    "steady_states": "axisymmetric.branches",
+    "thresholds": "theory.linear",
+    "unstable_modes": "axisymmetric.stability",
 }
 
 __all__ = [
@@ -70,13 +82,20 @@ __all__ = [
     "State",
     "Step",
     "Time",
+    "branch_from_sphere",
     "config_from_toml",
     "config_to_toml",
     "evolve",
+    "growth_rate",
     "observed",
     "parameters_from_toml",
     "parameters_to_toml",
+    "points",
+    "prediction",
     "start",
+    "steady_states",
+    "thresholds",
+    "unstable_modes",
 ]
 
 

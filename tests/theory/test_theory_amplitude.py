@@ -32,6 +32,7 @@ from amoeboid.theory.flow import max_retrograde_speed
 from amoeboid.theory.linear import critical_speed, growth_rate
 from amoeboid.theory.phase_boundary import phase_boundary
 from amoeboid.theory.points import points
+from amoeboid.theory.summary import summary
 from amoeboid.validation import InvalidInput
 from theory.rigid_sphere import RigidSphere, normal_form_coefficients, rigid_sphere, steady_state
 from theory.sample_points import LAWS, OWN_LAW, sample_points, symbol_values
@@ -139,7 +140,14 @@ def _distance_errors(p, distances):
 
 @pytest.mark.parametrize(
     ("changes", "sign"),
-    [({}, 1), ({"D": 0.4}, -1), ({"law": "inverse"}, 1), ({"law": OWN_LAW, "alpha": 0.1}, 1)],
+    [
+        ({}, 1),
+        ({"D": 0.4}, -1),
+        ({"law": "inverse"}, 1),
+        ({"law": OWN_LAW, "alpha": 0.1}, 1),
+        # not proportional to v_p0: the growth rate is curved in it
+        ({"law": "v_p0*(1 + v_p0/20)*exp(-c/c_r)"}, 1),
+    ],
 )
 def test_branch_converges_at_the_claimed_order(changes, sign):
     p = Parameters(**changes)
@@ -161,6 +169,12 @@ def test_the_table_point_is_beyond_the_cubic_theory_and_the_estimate_says_so():
     assert error == pytest.approx(0.24, abs=0.02)
     assert 0.5 * error < found.relative_error < 2 * error
     assert abs(p.v_p0 - critical_speed(p)) > trusted_distance(p, 0.1)
+
+
+def test_a_prediction_beyond_the_trusted_distance_says_so():
+    assert any("times farther" in note for note in summary(Parameters()).notes)
+    near = float(critical_speed(Parameters())) + 0.005
+    assert not any("times farther" in note for note in summary(Parameters(v_p0=near)).notes)
 
 
 @pytest.mark.parametrize("changes", [{}, {"D": 0.4}, {"law": "inverse"}])

@@ -26,6 +26,8 @@ from amoeboid.theory.points import AnyPoints, Points, finite_result
 
 # Step, relative to v_p0, of the five-point differences: truncation ~ STEP^4, rounding ~ eps/STEP^2.
 STEP = 1e-3
+# Distances from the threshold, each half the one before, at which the orders are compared.
+HALVINGS = 7
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +54,10 @@ class Prediction:
 
     max_retrograde_speed [L/T] has the prefactor at the threshold, max_retrograde_speed_at_v_p0 the
     one at v_p0 (figure 3A, B of the paper). next_order_speed [L/T] comes from v_4 and the flow to
-    third order. relative_error estimates that of the cubic speed: its relative distance from the
-    next order, 1 where the next order has no such state. All are 0 where `state.exists` is false.
+    third order. relative_error estimates that of the cubic speed: the largest relative distance
+    from the next order on the way there from the threshold (the two curves may cross farther out,
+    which is no sign of accuracy), 1 where the next order has no such state. All are 0 where
+    `state.exists` is false.
     """
 
     state: SteadyAmplitude
@@ -157,15 +161,29 @@ def prediction(p: Points) -> Prediction:
     cubic, following = steady_amplitude(p), next_steady_amplitude(p)
     speed = flow_speed_at_threshold(p, cubic.amplitude)
     next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
-    change = np.abs(_ratio(next_speed - speed, speed))
     return Prediction(
         state=cubic,
         max_retrograde_speed=speed,
         max_retrograde_speed_at_v_p0=flow_speed(p, cubic.amplitude),
         next_order=following,
         next_order_speed=next_speed,
-        relative_error=np.where(cubic.exists & ~following.exists, 1.0, change),
+        relative_error=_largest_disagreement(p),
     )
+
+
+def _largest_disagreement(p: Points) -> Array:
+    """Of the cubic speed with the next order, at geometrically spaced distances up to that of p."""
+    critical = critical_speed(p)
+    distances = (2.0**-k * (p.v_p0 - critical) for k in range(HALVINGS))
+    return np.max([_disagreement(p.at_speed(critical + d)) for d in distances], axis=0)
+
+
+def _disagreement(p: Points) -> Array:
+    cubic, following = steady_amplitude(p), next_steady_amplitude(p)
+    speed = flow_speed_at_threshold(p, cubic.amplitude)
+    next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
+    change = np.abs(_ratio(next_speed - speed, speed))
+    return np.where(cubic.exists & ~following.exists, 1.0, change)
 
 
 def _speed_derivatives(quantity: Callable[[Points], Array], p: Points) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ With c = c0 + a P_1 + b P_2 + d P_3 + ..., where a ~ e, b ~ e^2, d ~ e^3, and de
     d' = lambda_3 d + D3 a^3 + D11 a b
 
 The mean of c does not change: div(v c) has no mean on a sphere at rest. Derived in
-tests/theory/test_amplitude_equations.py; SI `eq_coeff_cdot_actin_non_linear_1` and `_2` for the
+tests/theory/test_theory_amplitude.py; SI `eq_coeff_cdot_actin_non_linear_1` and `_2` for the
 exponential law, `eq_nonlinear_inv` for the inverse law, both to third order.
 """
 

@@ -70,7 +70,7 @@ def summary(p: Parameters) -> Summary:
     }
     found = thresholds(p)
     weakly, notes = _weakly(p, found)
-    speed, more = _speed(growth_rates[1], weakly)
+    speed, more = _speed(p.v_p0, growth_rates[1], weakly)
     unstable = [str(l) for l, (slow, _) in finite.items() if slow.real > 0]
     if unstable:
         notes.append(
@@ -123,7 +123,7 @@ def _deformation(p: Parameters, predicted: Prediction) -> float | None:
     return float(rho_2) if predicted.state.exists else None
 
 
-def _speed(lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[str]]:
+def _speed(v_p0: float, lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[str]]:
     """Speed of the state that small perturbations of the homogeneous one lead to."""
     if lambda_1 <= 0:
         notes = ["the homogeneous state is stable against polarization: no flow"]
@@ -135,6 +135,7 @@ def _speed(lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[s
     if weakly is None:
         return None, ["the homogeneous state polarizes; the amplitude is beyond this theory"]
     predicted = weakly.prediction
+    distance = abs(v_p0 - weakly.v_p_critical)
     if not predicted.state.stable:
         return None, [
             "the homogeneous state polarizes and the cubic theory has no stable state: it jumps to "
@@ -143,4 +144,11 @@ def _speed(lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[s
     notes = []
     if not predicted.next_order.exists:
         notes.append("the next order has no such state: do not trust the predicted flow")
+    elif distance > weakly.trusted_distance:
+        times = distance / weakly.trusted_distance
+        notes.append(
+            f"v_p0 is {times:.3g} times farther from the threshold than the cubic theory is good "
+            f"to 10 %: its speed may be off by {float(predicted.relative_error):.0%}, "
+            "`amoeboid steady` computes it exactly"
+        )
     return float(predicted.max_retrograde_speed), notes
