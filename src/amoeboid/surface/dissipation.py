@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import Geometry
 from amoeboid.surface.mesh import Connectivity
 
@@ -24,7 +24,7 @@ def dissipation_blocks(g: Geometry, mesh: Connectivity, eta_s: float, eta_b: flo
     )
 
 
-@njit(cache=True)
+@compiled
 def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b):  # type: ignore[no-untyped-def]
     blocks = np.zeros((n_slots, 3, 3))
     for f in range(areas.shape[0]):

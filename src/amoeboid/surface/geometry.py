@@ -8,9 +8,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.mesh import Index
 
 Array = NDArray[np.float64]
@@ -43,7 +43,7 @@ def geometry(r: Array, faces: Index) -> Geometry:
     return Geometry(*_geometry(r, faces))
 
 
-@njit(cache=True)
+@compiled
 def _geometry(r, faces):  # type: ignore[no-untyped-def]
     n_faces, n_nodes = faces.shape[0], r.shape[0]
     areas = np.empty(n_faces)

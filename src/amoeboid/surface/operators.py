@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csr_array
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import Geometry
 from amoeboid.surface.mesh import Connectivity
 
@@ -21,7 +21,7 @@ def stiffness(g: Geometry, mesh: Connectivity) -> Array:
     return _stiffness(g.face_areas, g.gradients, mesh.slots, len(mesh.columns))
 
 
-@njit(cache=True)
+@compiled
 def _stiffness(areas, gradients, slots, n_slots):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
     for f in range(areas.shape[0]):
@@ -43,7 +43,7 @@ def advection(g: Geometry, mesh: Connectivity, u: Array) -> Array:
     return _advection(g.face_areas, g.gradients, mesh.faces, mesh.slots, len(mesh.columns), u)
 
 
-@njit(cache=True)
+@compiled
 def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
     for f in range(areas.shape[0]):

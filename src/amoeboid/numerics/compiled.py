@@ -1,0 +1,20 @@
+"""Compilation of numerical kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from numba import njit
+
+
+def compiled(kernel: Callable[..., Any]) -> Any:
+    """`kernel` compiled at its first call, and kept on disk for later programs.
+
+    Where nothing can be written (a read-only installation without a home folder) it is compiled
+    anew in every program.
+    """
+    try:
+        return njit(cache=True)(kernel)
+    except RuntimeError:  # numba finds no folder for its cache
+        return njit(kernel)
