@@ -160,7 +160,8 @@ def _refined_extremum(
 ) -> float:
     """Extremum near node i of the quadratic through it, fitted to its neighbours.
 
-    Taken only within reach of the neighbours; else the value at the node. sign +1: a maximum.
+    Taken only within reach of the neighbours, and if it is no concentration below zero; else the
+    value at the node. sign +1: a maximum.
     """
     ring = _neighbours(mesh, i)
     ring = ring[ring != i]
@@ -174,4 +175,5 @@ def _refined_extremum(
     step = -np.linalg.solve(hessian, gradient)
     if np.linalg.norm(step) > 1.0:
         return float(values[i])
-    return float(values[i] + 0.5 * gradient @ step)
+    refined = float(values[i] + 0.5 * gradient @ step)
+    return refined if refined >= 0.0 else float(values[i])

@@ -1,0 +1,102 @@
+"""Observables of states that are known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from amoeboid.observables import (
+    OBSERVABLES,
+    c_front,
+    c_rear,
+    deformation,
+    filament_number,
+    max_retrograde_speed,
+    mesh_quality,
+    observed,
+    polarity,
+    reduced_volume,
+    retrograde_flow,
+)
+from amoeboid.parameters import Parameters
+from amoeboid.surface.initial import sphere
+from amoeboid.surface.model import Flow
+
+
+@pytest.fixture(scope="module")
+def cell():
+    model, state = sphere(Parameters(), 3)
+    unit = state.r / np.linalg.norm(state.r, axis=1, keepdims=True)
+    return model, state, unit
+
+
+def flow_with(v, state, unit, model):
+    areas = np.full(len(unit), model.A0 / len(unit))
+    return Flow(v, 0 * v, state.zeta0, unit, areas)
+
+
+def test_retrograde_flow_is_that_of_the_frame_of_the_cell(cell):
+    """A sphere that translates does not flow; a tangential flow does not depend on the frame."""
+    model, state, unit = cell
+    along = np.array([0.3, -0.2, 0.5])
+    translating = flow_with(np.broadcast_to(along, unit.shape), state, unit, model)
+    assert max_retrograde_speed(model, state, translating) < 0.01 * np.linalg.norm(along)
+    tangential = 0.7 * (np.array([0, 0, 1.0]) - unit[:, 2:] * unit)
+    for shift in (np.zeros(3), along):
+        flow = flow_with(tangential + shift, state, unit, model)
+        assert max_retrograde_speed(model, state, flow) == pytest.approx(0.7, rel=0.01)
+        found = retrograde_flow(model, state, flow)
+        np.testing.assert_allclose(np.einsum("vi,vi->v", found, unit), 0, atol=1e-12)
+
+
+def test_one_noisy_node_does_not_decide_the_speed(cell):
+    model, state, unit = cell
+    tangential = 0.7 * (np.array([0, 0, 1.0]) - unit[:, 2:] * unit)
+    five = int(np.argmin(model.mesh.valence + np.abs(unit[:, 2])))
+    tangential[five] *= 1.2
+    flow = flow_with(tangential, state, unit, model)
+    excess = np.linalg.norm(tangential, axis=1).max() - 0.7
+    assert excess > 0.05
+    assert abs(max_retrograde_speed(model, state, flow) - 0.7) < 0.45 * excess
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (0.3, -0.5, 0.8), (1, 0.1, 0)])
+def test_poles_are_found_between_the_nodes(cell, direction):
+    model, state, unit = cell
+    x = unit @ (np.array(direction) / np.linalg.norm(direction))
+    peaked = replace(state, c=3 + x + x**2)
+    flow = flow_with(0 * unit, state, unit, model)
+    assert c_rear(model, peaked, flow) == pytest.approx(5, rel=2e-3)
+    assert c_front(model, replace(state, c=3 - x - x**2), flow) == pytest.approx(1, rel=5e-3)
+    # cos(theta) in c: integral of c r is 4 pi/3, of c 12 pi + 4 pi/3
+    found = polarity(model, peaked, flow)
+    assert found == pytest.approx((1 / 3) / (3 + 1 / 3), rel=0.01)
+
+
+def test_an_empty_front_is_not_below_zero(cell):
+    model, state, unit = cell
+    flow = flow_with(0 * unit, state, unit, model)
+    for shift in (0.0, 1e-3):
+        c = np.maximum(0, 3 + 3 * unit @ [0.1, 0.2, np.sqrt(0.95)] - shift)
+        assert c_front(model, replace(state, c=c), flow) >= 0
+
+
+def test_a_homogeneous_sphere_has_none_of_it(cell):
+    model, state, unit = cell
+    found = observed(model, state, flow_with(0 * unit, state, unit, model))
+    assert set(found) == set(OBSERVABLES)
+    assert found["max_retrograde_speed"] < 1e-12
+    assert found["polarity"] < 1e-10
+    assert found["c_front"] == found["c_rear"] == 3.0
+    assert found["area_error"] < 1e-12
+
+
+def test_shape_and_content_of_an_ellipsoid(cell):
+    model, state, unit = cell
+    stretched = replace(state, r=state.r * [1, 1, 1.5])
+    flow = flow_with(0 * unit, state, unit, model)
+    assert deformation(model, stretched, flow) == pytest.approx(0.2, abs=0.01)
+    volume_ratio = reduced_volume(model, stretched, flow) / reduced_volume(model, state, flow)
+    assert volume_ratio == pytest.approx(1.5, rel=1e-12)
+    assert filament_number(model, state, flow) == pytest.approx(3 * model.A0, rel=1e-12)
+    assert 0 < mesh_quality(model, stretched, flow) < mesh_quality(model, state, flow) <= 1
