@@ -98,7 +98,7 @@ def test_toml_reads_back_equal(config):
 
 
 def test_automatic_times_follow_the_rates_of_the_parameters():
-    slow = Parameters(R0=10, beta=0.1, D=0.03, c0=1370, c_r=970, v_p0=1.7)  # micrometres, seconds
+    slow = Parameters(R0=10, beta=0.1, D=0.03, c0=1370, c_r=970, v_p0=1.7)  # micrometers, seconds
     config = resolved(Config(parameters=slow, time=Time(max_step=3)))
     assert slow.rate == pytest.approx(0.1)
     assert config.time.end == pytest.approx(2000)

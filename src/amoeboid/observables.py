@@ -18,14 +18,14 @@ from amoeboid.surface.model import Flow, Model, State
 
 Array = NDArray[np.float64]
 
-# Number of nodes, fastest first, whose neighbourhood is searched for the maximal speed.
+# Number of nodes, fastest first, whose neighborhood is searched for the maximal speed.
 SEARCHED = 24
 
 
 def retrograde_flow(model: Model, state: State, flow: Flow) -> Array:
     """Tangential full velocity (V, 3) in the frame in which the cell rests [L/T].
 
-    That frame follows the centre of the enclosed volume.
+    That frame follows the center of the enclosed volume.
     """
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
@@ -40,7 +40,7 @@ def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
     """Maximum over the surface of the retrograde speed, the paper's v_0 [L/T].
 
     At every candidate node the squared speed is the value there of a quadratic fitted to two
-    rings of neighbours, so that single nodes (the twelve of valence five) do not decide.
+    rings of neighbors, so that single nodes (the twelve of valence five) do not decide.
     """
     speed = np.linalg.norm(retrograde_flow(model, state, flow), axis=1)
     fastest = np.argsort(-speed, kind="stable")[:SEARCHED]
@@ -76,7 +76,7 @@ def filament_number(model: Model, state: State, flow: Flow) -> float:
 
 
 def polarity(model: Model, state: State, flow: Flow) -> float:
-    """|integral of c r dA| / (R0 integral of c dA), about the volume centre; 0 if homogeneous."""
+    """|integral of c r dA| / (R0 integral of c dA), about the volume center; 0 if homogeneous."""
     return float(np.linalg.norm(polarization(model, state)))
 
 
@@ -88,7 +88,7 @@ def polarization(model: Model, state: State) -> Array:
 
 
 def deformation(model: Model, state: State, flow: Flow) -> float:
-    """Largest minus smallest distance from the volume centre, relative to their sum."""
+    """Largest minus smallest distance from the volume center, relative to their sum."""
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     distance = np.linalg.norm(x, axis=1)
     return float((distance.max() - distance.min()) / (distance.max() + distance.min()))
@@ -129,7 +129,7 @@ def observed(model: Model, state: State, flow: Flow) -> dict[str, float]:
     return {name: f(model, state, flow) for name, f in OBSERVABLES.items()}
 
 
-def _neighbours(mesh: Connectivity, i: int) -> NDArray[np.int64]:
+def _neighbors(mesh: Connectivity, i: int) -> NDArray[np.int64]:
     return mesh.columns[mesh.row_start[i] : mesh.row_start[i + 1]]
 
 
@@ -148,8 +148,8 @@ def _monomials(plane: Array) -> Array:
 
 
 def _fitted_value(mesh: Connectivity, r: Array, normals: Array, values: Array, i: int) -> float:
-    """Value at node i of the quadratic fitted to it and two rings of neighbours."""
-    patch = np.unique(np.concatenate([_neighbours(mesh, j) for j in _neighbours(mesh, i)]))
+    """Value at node i of the quadratic fitted to it and two rings of neighbors."""
+    patch = np.unique(np.concatenate([_neighbors(mesh, j) for j in _neighbors(mesh, i)]))
     basis = _monomials(_in_tangent_plane(r, patch, i, normals[i]))
     basis = np.column_stack([np.ones(len(patch)), basis])
     return float(np.linalg.lstsq(basis, values[patch], rcond=None)[0][0])
@@ -158,12 +158,12 @@ def _fitted_value(mesh: Connectivity, r: Array, normals: Array, values: Array, i
 def _refined_extremum(
     mesh: Connectivity, r: Array, normals: Array, values: Array, i: int, sign: float
 ) -> float:
-    """Extremum near node i of the quadratic through it, fitted to its neighbours.
+    """Extremum near node i of the quadratic through it, fitted to its neighbors.
 
-    Taken only within reach of the neighbours, and if it is no concentration below zero; else the
+    Taken only within reach of the neighbors, and if it is no concentration below zero; else the
     value at the node. sign +1: a maximum.
     """
-    ring = _neighbours(mesh, i)
+    ring = _neighbors(mesh, i)
     ring = ring[ring != i]
     if np.ptp(values[ring] - values[i]) == 0.0:
         return float(values[i])

@@ -67,7 +67,7 @@ def _declared(
 
 
 def validate(instance: Any, section: str = "") -> None:
-    """Check and normalise every declared field of a frozen dataclass instance.
+    """Check and normalize every declared field of a frozen dataclass instance.
 
     Raises InvalidInput with the field, the rule and the value.
     """

@@ -83,12 +83,12 @@ def test_sphere_area_volume_and_tension_converge_at_second_order():
 
 def test_volume_centroid_moves_with_the_shape():
     r, mesh = lumpy()
-    centre = volume_centroid(r, mesh.faces)
+    center = volume_centroid(r, mesh.faces)
     shift = np.array([1.0, -2.0, 0.5])
-    np.testing.assert_allclose(volume_centroid(r + shift, mesh.faces), centre + shift, atol=1e-13)
+    np.testing.assert_allclose(volume_centroid(r + shift, mesh.faces), center + shift, atol=1e-13)
     # of a half-stretched cube-like body: the centroid of a linear map is the mapped centroid
     stretched = volume_centroid(2 * r, mesh.faces)
-    np.testing.assert_allclose(stretched, 2 * centre, atol=1e-13)
+    np.testing.assert_allclose(stretched, 2 * center, atol=1e-13)
 
 
 def test_normal_blocks_are_the_projected_matrix():

@@ -71,7 +71,7 @@ def test_polarization_along_any_direction_gives_the_same_numbers(direction):
         assert -last.state.position @ axis / np.linalg.norm(axis) > 0.999 * np.linalg.norm(
             last.state.position
         )
-    # the discretisation error of 162 nodes is 1 to 2.5 %
+    # the discretization error of 162 nodes is 1 to 2.5 %
     for name, tolerance in (
         ("max_retrograde_speed", 0.01),
         ("c_front", 0.01),
@@ -173,7 +173,7 @@ def test_a_homogeneous_cell_starts_at_rest_at_any_pressure(delta_P):
 
 
 def test_units_do_not_matter():
-    """The same cell in micrometres, seconds and filaments per square micrometre."""
+    """The same cell in micrometers, seconds and filaments per square micrometer."""
     length, time_, force, density = 10.0, 7.0, 3.0, 400.0
     scaled = Parameters(
         R0=length,

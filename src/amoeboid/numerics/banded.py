@@ -1,6 +1,6 @@
 """Direct solvers for sparse matrices whose numbering already gives a narrow band.
 
-This is the one place where sparse systems are factorised. `SymmetricBand` and `GeneralBand` hold
+This is the one place where sparse systems are factorized. `SymmetricBand` and `GeneralBand` hold
 the structure, made once; `factor` takes the entries and returns an object with `solve`.
 """
 
@@ -18,11 +18,11 @@ Index = NDArray[np.int64]
 
 
 class SingularMatrix(ArithmeticError):
-    """The matrix could not be factorised; the message says what was required of it."""
+    """The matrix could not be factorized; the message says what was required of it."""
 
 
 class Factor(Protocol):
-    """A factorised matrix."""
+    """A factorized matrix."""
 
     def solve(self, b: Array) -> Array:
         """Solution x of A x = b; b (n,) or (n, k)."""
@@ -41,7 +41,7 @@ class _LapackFactor:
 
 
 class SymmetricBand:
-    """Cholesky factorisation of symmetric positive definite matrices of one sparsity."""
+    """Cholesky factorization of symmetric positive definite matrices of one sparsity."""
 
     def __init__(self, rows: Index, columns: Index, n: int) -> None:
         self._below = np.flatnonzero(rows >= columns)
@@ -52,7 +52,7 @@ class SymmetricBand:
         self.n = n
 
     def factor(self, entries: Array) -> Factor:
-        """Factorise; `entries` on the pattern given at construction. Raises SingularMatrix."""
+        """Factorize; `entries` on the pattern given at construction. Raises SingularMatrix."""
         band = np.zeros((self.n, self.half_width + 1))
         band.ravel()[self._places] = entries.ravel()[self._below]
         triangle, info = dpbtrf(band.T, lower=1, overwrite_ab=1)
@@ -62,7 +62,7 @@ class SymmetricBand:
 
 
 class GeneralBand:
-    """LU factorisation with partial pivoting of matrices of one sparsity."""
+    """LU factorization with partial pivoting of matrices of one sparsity."""
 
     def __init__(self, rows: Index, columns: Index, n: int) -> None:
         self.below = int(np.max(rows - columns))
@@ -72,7 +72,7 @@ class GeneralBand:
         self.n = n
 
     def factor(self, entries: Array) -> Factor:
-        """Factorise; `entries` on the pattern given at construction. Raises SingularMatrix."""
+        """Factorize; `entries` on the pattern given at construction. Raises SingularMatrix."""
         band = np.zeros((self.n, self._height))
         band.ravel()[self._places] = entries.ravel()
         lu, pivots, info = dgbtrf(band.T, self.below, self.above, overwrite_ab=1)

@@ -43,9 +43,9 @@ def _add_cell(plotter: Any, model: Model, step: Step) -> None:
     import pyvista as pv
 
     state, flow, R0 = step.state, step.flow, model.parameters.R0
-    centre = volume_centroid(state.r, model.mesh.faces)
+    center = volume_centroid(state.r, model.mesh.faces)
     rear, side = _view_axes(model, step)
-    surface = pv.PolyData.from_regular_faces(state.r - centre, model.mesh.faces)
+    surface = pv.PolyData.from_regular_faces(state.r - center, model.mesh.faces)
     surface.point_data["c"] = state.c
     bar: dict[str, Any] = {
         "title": "filament concentration c",
@@ -76,7 +76,7 @@ def _add_cell(plotter: Any, model: Model, step: Step) -> None:
     moving = fastest > LEAST_FLOW * model.rate * R0
     if moving:
         chosen = _spread_out(state.r, ARROWS)
-        points = pv.PolyData((state.r - centre + 0.02 * R0 * flow.normals)[chosen])
+        points = pv.PolyData((state.r - center + 0.02 * R0 * flow.normals)[chosen])
         points["flow"] = flow_vectors[chosen]
         arrows = points.glyph(
             orient="flow",

@@ -9,7 +9,7 @@ shape modes (rate delta_P R0/eta_s); on the tangential motion it would be a fals
 vanishes in a steady state, and it fixes the translation: the frame moves with the cell.
 
 *Normal tension.* Tension and pressure depend on the shape alone, so that moving nodes within the
-surface must do no work. The exact dA/dr of a polyhedron has a tangential part, a discretisation
+surface must do no work. The exact dA/dr of a polyhedron has a tangential part, a discretization
 error multiplied by the large zeta0, which would drive a parasitic flow; it is left out.
 """
 
@@ -34,7 +34,7 @@ Array = NDArray[np.float64]
 
 # Rigid modes have no stiffness; this share of the viscous one makes the matrix regular. The
 # constraint of zero rotation then removes what little it does.
-REGULARISATION = 1e-8
+REGULARIZATION = 1e-8
 # Least implicit tension, in viscosity / time step: it fixes the frame where there is no tension.
 LEAST_TENSION = 1e-3
 
@@ -70,7 +70,7 @@ def force_balance(
     implicit = dt * tension * normal_blocks(stiffness(g, mesh), g.normals, mesh)
 
     matrix = dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + implicit
-    shift = REGULARISATION * viscosity * g.node_areas / g.node_areas.mean()
+    shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
     matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
     factor = model.vector_band.factor(matrix)
 
@@ -111,7 +111,7 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
 
 
 def rigid_motions(r: Array, g: Geometry) -> Array:
-    """Three translations and three rotations about the centre of area, columns (3V, 6)."""
+    """Three translations and three rotations about the center of area, columns (3V, 6)."""
     x = r - g.node_areas @ r / g.area
     axes = np.eye(3)
     motions = [np.broadcast_to(e, x.shape) for e in axes] + [np.cross(e, x) for e in axes]

@@ -99,7 +99,7 @@ def volume(r: Array, faces: Index) -> float:
 
 
 def volume_centroid(r: Array, faces: Index) -> Array:
-    """Centre of the enclosed volume (3,) [length]."""
+    """Center of the enclosed volume (3,) [length]."""
     a, b, c = r[faces[:, 0]], r[faces[:, 1]], r[faces[:, 2]]
     tetrahedra = np.einsum("fi,fi->f", a, np.cross(b, c)) / 6.0
     return np.asarray(tetrahedra @ (a + b + c) / (4.0 * tetrahedra.sum()))

@@ -22,7 +22,7 @@ class Connectivity:
     """Who touches whom in a closed triangulation: V nodes, F triangles, E = 3F/2 edges.
 
     `faces` (F, 3) counter-clockwise seen from outside. The node-to-node pattern is in compressed
-    row form: the neighbours of node i, itself included, ascending, are
+    row form: the neighbors of node i, itself included, ascending, are
     `columns[row_start[i]:row_start[i + 1]]`; `slots[f, a, b]` is the place of the pair
     (faces[f, a], faces[f, b]) in it.
     """
@@ -44,7 +44,7 @@ class Connectivity:
 
     @cached_property
     def valence(self) -> Index:
-        """Number of neighbours of each node (V,)."""
+        """Number of neighbors of each node (V,)."""
         return np.diff(self.row_start) - 1
 
 

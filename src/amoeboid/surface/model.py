@@ -1,4 +1,4 @@
-"""The discretised model, the state it acts on, and the flow that one evaluation gives."""
+"""The discretized model, the state it acts on, and the flow that one evaluation gives."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Tangential relaxation of the mesh: nodes drift to the middle of their triangles.
 
-It keeps the triangles even under deformation, and makes every discretisation error fall at second
+It keeps the triangles even under deformation, and makes every discretization error fall at second
 order: an icosphere as subdivided has uneven triangles, and its errors do not.
 """
 
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def relaxation(r: Array, g: Geometry, mesh: Connectivity) -> Array:
-    """Tangential vectors (V, 3) from the nodes to the mean centre of the triangles around them."""
+    """Tangential vectors (V, 3) from the nodes to the mean center of the triangles around them."""
     moments = g.face_areas[:, None] * r[mesh.faces].mean(axis=1)
     target = scatter(np.repeat(moments[:, None, :], 3, axis=1), mesh.faces, len(r))
     pull = target / (3.0 * g.node_areas[:, None]) - r

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
-# A mesh with worse triangles than this (1 is equilateral) is no longer a discretisation.
+# A mesh with worse triangles than this (1 is equilateral) is no longer a discretization.
 LEAST_QUALITY = 0.02
 # Share of the way to their resting place that nodes drift in one unit of model.rate, at most half
 # of it in one step.
