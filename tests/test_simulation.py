@@ -3,10 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from amoeboid import simulation
 from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
-from amoeboid.surface.geometry import area
 from amoeboid.validation import InvalidInput
 
 QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
@@ -68,20 +68,22 @@ def test_error_control_follows_the_tolerance():
     assert errors[0] < 0.01 * ends[-1].max()
 
 
-def test_shape_is_error_controlled_as_well():
-    """At low pressure the shape moves while c barely does: the step must follow the shape."""
-    config = replace(
-        QUICK, parameters=Parameters(D=0.4, v_p0=6.0, delta_P=1.0), initial=Initial(perturbation=0)
-    )
-    model, first = start(config)
-    r = first.state.r * [1.1, 0.95, 0.95]
-    r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
-    begin = replace(first, state=replace(first.state, r=r))
-    counts = []
-    for tolerance in (1e-3, 1e-5):
-        steps = list(evolve(model, begin, Time(end=2.0, tolerance=tolerance)))
-        counts.append(len(steps))
-    assert counts[1] > 2.5 * counts[0]
+def test_local_error_is_half_the_second_derivative_of_shape_and_concentration():
+    """A node, or a concentration, that moves as t^2/2: error dt^2/2 for equal steps."""
+    model, first = start(QUICK)
+    dt, rest = 0.1, first.state
+
+    def at(t, push_r, push_c):
+        r, c = rest.r.copy(), rest.c.copy()
+        r[3] += push_r * np.array([0.5 * t**2, 0, 0])
+        c[5] += push_c * 0.5 * t**2
+        return replace(rest, t=t, r=r, c=c)
+
+    for push_r, push_c, scale in ((1, 0, 1.0), (0, 1, 3 + rest.c[5])):
+        before, now, new = (at(t, push_r, push_c) for t in (0.0, dt, 2 * dt))
+        step = replace(first, state=now, previous=before)
+        expected = 0.5 * dt**2 / scale
+        assert simulation._error(model, step, new) == pytest.approx(expected, rel=0.01)
 
 
 def test_outcome_of_a_run_does_not_depend_on_the_tolerance():
