@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
-from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
+from amoeboid.axisymmetric.stability import (
+    AZIMUTHAL_NUMBERS,
+    count_unstable,
+    growth_rates,
+    neutral_rate,
+)
 from amoeboid.axisymmetric.steady import (
     MODES,
     SteadyState,
@@ -57,7 +62,8 @@ class BranchPoint:
     @cached_property
     def unstable(self) -> dict[int, int]:
         """Number of growing modes for m = 0, 1, 2, 3."""
-        return {m: count_unstable(rates) for m, rates in self.rates.items()}
+        p = self.state.parameters
+        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
 
     @property
     def stable(self) -> bool:
@@ -279,7 +285,8 @@ def _crossing(
     if rate(start) * rate(b.point) >= 0:
         return None
     at = branch_point(located(start, b.point, rate, options), p, name)
-    return Crossing(m, bool(abs(at.rates[m][k].imag) > 1e-6 * abs(at.rates[m][-1])), at)
+    still = neutral_rate(at.rates[m], at.state.parameters)
+    return Crossing(m, bool(abs(at.rates[m][k].imag) > still), at)
 
 
 @dataclass(frozen=True)

@@ -108,7 +108,7 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
 
 def _rests(p: Parameters) -> bool:
     """Whether the homogeneous sphere is stable; its growth rates do not depend on m."""
-    return count_unstable(growth_rates(homogeneous(p, 4), 0, 8)) == 0
+    return count_unstable(growth_rates(homogeneous(p, 4), 0, 8), p) == 0
 
 
 def _polarized_branch(
