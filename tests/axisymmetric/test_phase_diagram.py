@@ -15,7 +15,7 @@ from amoeboid.axisymmetric.phase_diagram import (
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.numerics.continuation import Options
 from amoeboid.parameters import Parameters
-from amoeboid.theory.linear import critical_speed
+from amoeboid.theory.linear import critical_pressure, critical_speed
 from amoeboid.validation import InvalidInput
 
 
@@ -85,6 +85,30 @@ def test_criticality_has_the_sign_that_the_branches_show():
     assert criticality(Parameters(D=0.03)) > 0
     assert criticality(Parameters(D=0.4)) < 0
     assert criticality(Parameters(law="v_p0*(1 + c/c_r)")) is None
+
+
+def test_criticality_near_its_pole_is_a_simple_pole():
+    """At delta_P* of the theory the thresholds of l = 1 and 2 meet and k goes through infinity.
+
+    k (delta_P - delta_P*) is smooth, so that values on either side predict those nearer by.
+    """
+    pole = float(critical_pressure(Parameters()))
+    known = np.array([0.7, 0.8, 1.0, 1.1]) - pole
+    residues = [criticality(Parameters(delta_P=pole + d)) * d for d in known]
+    fit = np.polyfit(known, residues, 3)
+    for d in (0.93 - pole, 0.9 - pole):
+        assert criticality(Parameters(delta_P=pole + d)) == pytest.approx(
+            np.polyval(fit, d) / d, rel=0.01
+        )
+    assert criticality(Parameters(delta_P=pole * (1 + 1e-5))) is None
+
+
+def test_a_pole_of_the_criticality_is_no_tip_and_stops_nothing():
+    p = Parameters()
+    assert 0.5 < float(critical_pressure(p)) < 1.6
+    assert critical_values(p, "delta_P", [0.5, 1.6]) == ()
+    (tip,) = critical_values(p, "delta_P", [2.0, 10.0])
+    assert abs(criticality(p.replace(delta_P=tip))) < 1e-6
 
 
 def test_a_law_without_instability_rests_everywhere():
