@@ -313,21 +313,34 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
     without such a connection to the sphere are not found.
     """
     found, problems = [homogeneous(p)], []
-    if float(p.v_p(p.c0)) == float(p.replace(v_p0=p.v_p0 + 1.0).v_p(p.c0)):
+    without = _without_speed(p)
+    if without:
         found.extend(_reached_in_time(p))
-        problems.append("the law does not depend on v_p0: only states reached in time are found")
+        problems.append(f"{without}: only states reached in time are found")
     for l in degrees:  # noqa: E741
         for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
             states, problem = _crossed(p, l, sign)
             found.extend(states)
-            if problem:
-                problems.append(f"branch of l = {l}: {problem}")
+            text = f"branch of l = {l}: {problem}"
+            if problem and text not in problems:
+                problems.append(text)
     distinct: list[SteadyState] = []
     for state in found:
         if not any(_same(state, other) for other in distinct):
             distinct.append(state)
     ordered = sorted(distinct, key=lambda s: s.max_retrograde_speed)
     return Search(tuple(ordered), tuple(problems))
+
+
+def _without_speed(p: Parameters) -> str:
+    """Why no branch in v_p0 can be followed because v_p(c0) is the same for all v_p0, or empty."""
+    concentrations = np.array([p.c0, 0.0, 1e-3 * p.c_r, p.c_r])
+    here, there = p.v_p(concentrations), p.replace(v_p0=2 * p.v_p0 + 1.0).v_p(concentrations)
+    if here[0] != there[0]:
+        return ""
+    if np.array_equal(here, there):
+        return "the law does not depend on v_p0"
+    return f"v_p(c0) = {here[0]:g} whatever v_p0; bring c0/c_r = {p.c0 / p.c_r:g} nearer to 1"
 
 
 def _reached_in_time(p: Parameters) -> list[SteadyState]:
