@@ -269,7 +269,8 @@ def test_an_empty_window_is_refused():
 )
 def test_why_no_branch_in_v_p0_can_be_followed(p, text):
     assert _without_speed(p) == text
-    assert _without_speed(Parameters(v_p0=1e20)) == ""
+    for law in ("exponential", "inverse"):
+        assert _without_speed(Parameters(v_p0=1e20, law=law)) == ""
 
 
 def test_a_problem_of_both_signs_of_a_mode_is_told_once(monkeypatch):
