@@ -5,9 +5,11 @@ import pytest
 
 from amoeboid.axisymmetric.branches import (
     Window,
+    _without_speed,
     branch_from_sphere,
     branch_from_state,
     polarity,
+    search,
     steady_states,
 )
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
@@ -256,3 +258,25 @@ def test_all_states_at_one_point():
 def test_an_empty_window_is_refused():
     with pytest.raises(InvalidInput, match="low < high"):
         Window(2.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("p", "text"),
+    [
+        (Parameters(c_r=1e-3), "v_p(c0) = 0 whatever v_p0; bring c0/c_r = 3000 nearer to 1"),
+        (Parameters(law="3*exp(-c/c_r)"), "the law does not depend on v_p0"),
+    ],
+)
+def test_why_no_branch_in_v_p0_can_be_followed(p, text):
+    assert _without_speed(p) == text
+    for law in ("exponential", "inverse"):
+        assert _without_speed(Parameters(v_p0=1e20, law=law)) == ""
+
+
+def test_a_problem_of_both_signs_of_a_mode_is_told_once(monkeypatch):
+    monkeypatch.setattr(
+        "amoeboid.axisymmetric.branches._crossed", lambda p, l, sign: ([], "it stalled")
+    )
+    assert search(Parameters()).problems == tuple(
+        f"branch of l = {l}: it stalled" for l in (1, 2, 3)
+    )

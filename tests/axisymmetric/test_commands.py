@@ -34,6 +34,8 @@ def test_branch_prints_points_folds_and_branch_points(capsys):
     assert err == ""
     document = json.loads(out)
     assert document["folds"][0]["v_p0"] == pytest.approx(5.20959845, abs=1e-8)
+    assert document["folds"][0]["stable"] is None
+    assert document["folds"][0]["unstable_modes"] == {"0": None, "1": 0, "2": 0, "3": 0}
     assert document["branch_points"][0]["v_p0"] == pytest.approx(6.0256610770, abs=1e-9)
     assert document["points"][-1]["v_p0"] == 8.0
     assert set(document["points"][0]) >= {
@@ -72,6 +74,7 @@ def test_phase_diagram_prints_and_draws_regions_and_edges(capsys, tmp_path):
     assert len(document["threshold"]) == 3
     assert document["boundary"][0]["D"] == pytest.approx(0.0451, abs=1e-4)
     assert document["fold"]
+    assert document["problems"] == []
 
 
 def test_tables_for_people(capsys):

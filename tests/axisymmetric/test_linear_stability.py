@@ -15,7 +15,12 @@ from amoeboid.axisymmetric.stability import (
 )
 from amoeboid.axisymmetric.steady import homogeneous
 from amoeboid.parameters import Parameters
-from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
+from amoeboid.theory.linear import (
+    critical_speed,
+    finite_pressure_matrix,
+    finite_pressure_rates,
+    growth_rate,
+)
 
 SPHERES = [
     Parameters(),
@@ -138,3 +143,30 @@ def test_at_low_pressure_the_sphere_deforms_before_it_polarizes():
     for factor, grows in ((0.99, True), (1.01, False)):
         fastest = growth_rates(homogeneous(p.replace(delta_P=factor * limit)), 2, 8)[0].real
         assert (fastest > 0) == grows
+
+
+PRESSURES = (300.0, 1e4, 1e6, 1e8, 1e10)
+
+
+@pytest.mark.parametrize("delta_P", PRESSURES)
+@pytest.mark.parametrize("factor", [0.99, 1.01, 1.7])
+def test_growing_modes_of_the_sphere_are_those_of_the_theory_at_any_pressure(delta_P, factor):
+    p = Parameters(delta_P=delta_P)
+    p = p.replace(v_p0=factor * float(critical_speed(p)))
+    rates = [growth_rate(p, 1), *(finite_pressure_rates(p, l)[0].real for l in range(2, 8))]
+    exact = {m: sum(float(rate) > 0 for rate in rates[max(m - 1, 0) :]) for m in range(4)}
+    assert unstable_modes(homogeneous(p)) == exact
+    assert exact[0] == {0.99: 0, 1.01: 1, 1.7: 2}[factor]
+
+
+def test_growing_modes_of_a_polarized_cell_do_not_depend_on_a_high_pressure():
+    """The state between fold and threshold grows slowly, at a rate of 0.015."""
+    counts = []
+    for delta_P in (300.0, 1e6):
+        states = steady_states(Parameters(D=0.4, v_p0=6.0, delta_P=delta_P), degrees=(1,))
+        assert len(states) == 3
+        counts.append([unstable_modes(state) for state in states])
+        rates = growth_rates(states[1], 0)
+        assert 0 < rates[0].real < 0.05
+    assert counts[0] == counts[1]
+    assert counts[0][1][0] == 1

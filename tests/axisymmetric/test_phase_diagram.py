@@ -1,5 +1,9 @@
 """Phase diagram: regions against single branches, edges against theory and direct continuation."""
 
+from dataclasses import replace
+from itertools import islice
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -13,9 +17,11 @@ from amoeboid.axisymmetric.phase_diagram import (
     phase_diagram,
 )
 from amoeboid.axisymmetric.stability import unstable_modes
+from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.numerics import continuation
 from amoeboid.numerics.continuation import Options
 from amoeboid.parameters import Parameters
-from amoeboid.theory.linear import critical_speed
+from amoeboid.theory.linear import critical_pressure, critical_speed
 from amoeboid.validation import InvalidInput
 
 
@@ -87,6 +93,30 @@ def test_criticality_has_the_sign_that_the_branches_show():
     assert criticality(Parameters(law="v_p0*(1 + c/c_r)")) is None
 
 
+def test_criticality_near_its_pole_is_a_simple_pole():
+    """At delta_P* of the theory the thresholds of l = 1 and 2 meet and k goes through infinity.
+
+    k (delta_P - delta_P*) is smooth, so that values on either side predict those nearer by.
+    """
+    pole = float(critical_pressure(Parameters()))
+    known = np.array([0.7, 0.8, 1.0, 1.1]) - pole
+    residues = [criticality(Parameters(delta_P=pole + d)) * d for d in known]
+    fit = np.polyfit(known, residues, 3)
+    for d in (0.93 - pole, 0.9 - pole):
+        assert criticality(Parameters(delta_P=pole + d)) == pytest.approx(
+            np.polyval(fit, d) / d, rel=0.01
+        )
+    assert criticality(Parameters(delta_P=pole * (1 + 1e-5))) is None
+
+
+def test_a_pole_of_the_criticality_is_no_tip_and_stops_nothing():
+    p = Parameters()
+    assert 0.5 < float(critical_pressure(p)) < 1.6
+    assert critical_values(p, "delta_P", [0.5, 1.6]) == ()
+    (tip,) = critical_values(p, "delta_P", [2.0, 10.0])
+    assert abs(criticality(p.replace(delta_P=tip))) < 1e-6
+
+
 def test_a_law_without_instability_rests_everywhere():
     column = phase_column(Parameters(law="v_p0*(1 + c/c_r)"), 0.1, np.array([1.0, 2.0]))
     assert column.threshold is None
@@ -97,6 +127,51 @@ def test_what_the_modes_cannot_resolve_is_marked(monkeypatch):
     monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 32)
     column = phase_column(Parameters(D=0.03), 0.03, np.array([3.0, 3.8, 7.9]))
     assert [REGIONS[k] for k in column.regions] == ["rest", "polarized", REGIONS[UNRESOLVED]]
+
+
+def _stopping(after):
+    def follow(start, options):
+        yield from islice(continuation.follow(start, options), after)
+        raise continuation.Stalled("stopped on purpose")
+
+    return follow
+
+
+def test_a_branch_that_stops_on_its_way_down_leaves_the_column_open(monkeypatch):
+    """At D = 0.4 the polarized cell is stable at v_p0 = 5.5: the fold lies below, at 5.21."""
+    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.follow", _stopping(3))
+    column = phase_column(Parameters(D=0.4), 0.4, np.array([3.0, 5.5, 7.0]))
+    assert np.all(column.regions == UNRESOLVED)
+    assert column.problem == "stopped on purpose"
+
+
+def test_a_crossing_that_newton_misses_is_not_taken_for_none(monkeypatch):
+    speeds = np.array([3.0, 5.5, 7.0])
+    monkeypatch.setattr(
+        "amoeboid.axisymmetric.phase_diagram.interpolated_state",
+        lambda p, a, b: replace(homogeneous(p), converged=False),
+    )
+    column = phase_column(Parameters(D=0.4), 0.4, speeds)
+    assert [REGIONS[k] for k in column.regions] == ["rest", "unresolved", "unresolved"]
+
+
+def test_a_line_of_folds_that_stops_says_why(diagram, monkeypatch):
+    assert diagram.problems == ()
+    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.follow", _stopping(2))
+    monkeypatch.setattr(
+        "amoeboid.axisymmetric.phase_diagram.critical_values", lambda p, name, values: ()
+    )
+    columns = diagram.columns
+    cut = phase_diagram(Parameters(), "D", diagram.values, diagram.speeds, columns)
+    assert set(cut.problems) == {"line of folds: stopped on purpose"}
+    assert 1 < len(cut.fold_line) < len(diagram.fold_line)
+    monkeypatch.setattr(
+        "amoeboid.axisymmetric.phase_diagram.newton",
+        lambda *_, **__: SimpleNamespace(converged=False),
+    )
+    lost = phase_diagram(Parameters(), "D", diagram.values, diagram.speeds, columns)
+    assert lost.fold_line == ()
+    assert "was not found again" in lost.problems[0]
 
 
 @pytest.mark.parametrize(

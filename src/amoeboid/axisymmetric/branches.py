@@ -13,7 +13,12 @@ from numpy.typing import NDArray
 
 from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
-from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
+from amoeboid.axisymmetric.stability import (
+    AZIMUTHAL_NUMBERS,
+    count_unstable,
+    growth_rates,
+    neutral_rate,
+)
 from amoeboid.axisymmetric.steady import (
     MODES,
     SteadyState,
@@ -57,7 +62,8 @@ class BranchPoint:
     @cached_property
     def unstable(self) -> dict[int, int]:
         """Number of growing modes for m = 0, 1, 2, 3."""
-        return {m: count_unstable(rates) for m, rates in self.rates.items()}
+        p = self.state.parameters
+        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
 
     @property
     def stable(self) -> bool:
@@ -279,7 +285,8 @@ def _crossing(
     if rate(start) * rate(b.point) >= 0:
         return None
     at = branch_point(located(start, b.point, rate, options), p, name)
-    return Crossing(m, bool(abs(at.rates[m][k].imag) > 1e-6 * abs(at.rates[m][-1])), at)
+    still = neutral_rate(at.rates[m], at.state.parameters)
+    return Crossing(m, bool(abs(at.rates[m][k].imag) > still), at)
 
 
 @dataclass(frozen=True)
@@ -306,21 +313,36 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
     without such a connection to the sphere are not found.
     """
     found, problems = [homogeneous(p)], []
-    if float(p.v_p(p.c0)) == float(p.replace(v_p0=p.v_p0 + 1.0).v_p(p.c0)):
+    without = _without_speed(p)
+    if without:
         found.extend(_reached_in_time(p))
-        problems.append("the law does not depend on v_p0: only states reached in time are found")
+        problems.append(f"only states reached in time are found: {without}")
     for l in degrees:  # noqa: E741
         for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
             states, problem = _crossed(p, l, sign)
             found.extend(states)
-            if problem:
-                problems.append(f"branch of l = {l}: {problem}")
+            text = f"branch of l = {l}: {problem}"
+            if problem and text not in problems:
+                problems.append(text)
     distinct: list[SteadyState] = []
     for state in found:
         if not any(_same(state, other) for other in distinct):
             distinct.append(state)
     ordered = sorted(distinct, key=lambda s: s.max_retrograde_speed)
     return Search(tuple(ordered), tuple(problems))
+
+
+def _without_speed(p: Parameters) -> str:
+    """Why no branch in v_p0 can be followed because v_p(c0) is the same for all v_p0, or empty."""
+    other = p.replace(v_p0=2 * p.v_p0 + 1.0)
+    here = float(p.v_p(p.c0))
+    if here != float(other.v_p(p.c0)):
+        return ""
+    with suppress(InvalidInput):
+        elsewhere = p.c_r * np.array([0.5, 1.0, 2.0])
+        if np.array_equal(p.v_p(elsewhere), other.v_p(elsewhere)):
+            return "the law does not depend on v_p0"
+    return f"v_p(c0) = {here:g} whatever v_p0; bring c0/c_r = {p.c0 / p.c_r:g} nearer to 1"
 
 
 def _reached_in_time(p: Parameters) -> list[SteadyState]:

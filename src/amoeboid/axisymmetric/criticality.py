@@ -8,6 +8,7 @@ k = -nu/(d lambda_1/d v_p0); here delta_P and the shape are whatever they are.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -15,45 +16,90 @@ from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.numerics.continuation import Options, at_distance
+from amoeboid.numerics.continuation import Options, Point, at_distance
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 DISTANCE = 0.06
+HALVINGS = 8
+AGREEMENT = 1e-4
+"""Relative difference of two estimates, at a distance and at half of it, that is accepted."""
 
 
 def criticality(p: Parameters) -> float | None:
-    """k = d(v_p0)/d(a^2) at the origin of the polarized branch; None if there is no threshold.
+    """k = d(v_p0)/d(a^2) at the origin of the polarized branch; None where it is not determined.
 
-    Extrapolated from two small amplitudes; its relative error is about 1e-5. Raises InvalidInput
-    if the branch cannot be entered.
+    Extrapolated from three small amplitudes, halved until two estimates agree to AGREEMENT. There
+    is no value without a threshold and too near a pole of k, where the thresholds of l = 1 and
+    l = 2 meet. Raises InvalidInput where the sphere has no single neutral mode.
     """
     threshold = onset_speed(p)
     if threshold is None:
         return None
     options = Options(parameter_scale=threshold)
     start = departure(p, "v_p0", threshold, options)
+    # k itself may vanish: below this size differences count absolutely
+    small = 0.1 * threshold / p.c0**2
+    previous: float | None = None
+    for halving in range(HALVINGS + 1):
+        k = _estimate(start, threshold, DISTANCE / 2**halving, options)
+        if k is None:
+            continue
+        if previous is not None and abs(k - previous) <= AGREEMENT * max(abs(k), small):
+            return k
+        previous = k
+    return None
+
+
+def _estimate(start: Point, threshold: float, distance: float, options: Options) -> float | None:
+    """k extrapolated from the branch at a distance, 1.5 and 2 times as far off."""
     squares, slopes = [], []
-    for distance in (DISTANCE, 1.5 * DISTANCE, 2 * DISTANCE):
-        point = at_distance(start, distance, options)
+    for share in (1.0, 1.5, 2.0):
+        point = at_distance(start, share * distance, options)
         if point is None:
-            raise InvalidInput(f"no branch leaves the sphere at v_p0 = {threshold:.10g}")
+            return None
         square = float(split(point.x, (point.x.size - 3) // 3)[2][1] ** 2)
+        if square == 0:
+            return None
         squares.append(square)
         slopes.append((point.parameter - threshold) / square)
     return float(np.polyfit(squares, slopes, 2)[-1])
 
 
 def critical_values(p: Parameters, name: str, values: Sequence[float]) -> tuple[float, ...]:
-    """Values of the parameter `name` within the ascending `values` where k changes sign."""
+    """Values of the parameter `name` within the ascending `values` where k passes zero.
 
-    def k(value: float) -> float | None:
-        return criticality(p.replace(**{name: float(value)}))
+    Where k changes sign through a pole there is none; a zero and a pole between the same two
+    neighbors hide each other.
+    """
 
-    found = [(v, k(v)) for v in values]
-    known = [(v, f) for v, f in found if f is not None]
-    return tuple(_root(k, a, b) for (a, f), (b, g) in pairwise(known) if f * g < 0)
+    def k(value: float) -> float:
+        try:
+            found = criticality(p.replace(**{name: float(value)}))
+        except InvalidInput:
+            found = None
+        if found is None:
+            raise _Undetermined
+        return found
+
+    known = []
+    for v in values:
+        with suppress(_Undetermined):
+            known.append((float(v), k(v)))
+    roots = (_root(k, a, f, b, g) for (a, f), (b, g) in pairwise(known) if f * g < 0)
+    return tuple(root for root in roots if root is not None)
 
 
-def _root(function: Callable[[float], float | None], a: float, b: float) -> float:
-    return float(brentq(lambda v: function(v) or 0.0, a, b, xtol=1e-9 * max(abs(a), abs(b))))
+class _Undetermined(Exception):
+    """There is no value of k here."""
+
+
+def _root(
+    function: Callable[[float], float], a: float, f: float, b: float, g: float
+) -> float | None:
+    """The zero of the function between a and b; None if it changes sign through a pole."""
+    try:
+        root = float(brentq(function, a, b, xtol=1e-9 * max(abs(a), abs(b))))
+        return root if abs(function(root)) <= min(abs(f), abs(g)) else None
+    except _Undetermined:
+        return None

@@ -27,6 +27,8 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[Any]
 
 REST, POLARIZED, BISTABLE, NEITHER, UNRESOLVED = range(5)
+AT_TIP = 1e-3
+"""A fold this near the threshold, relatively, lies at the tip of the bistable region."""
 REGIONS = ("rest", "polarized", "bistable", "neither stable", "unresolved")
 
 
@@ -35,7 +37,8 @@ class Column:
     """One value of the other parameter: threshold, folds and what is stable at every v_p0.
 
     `regions` (rows,) indexes REGIONS; `flow` (rows,) is the maximal retrograde speed of the
-    fastest stable polarized state, 0 where there is none.
+    fastest stable polarized state, 0 where there is none. `problem` says what stopped the branch
+    before it passed all of `speeds`, if anything did.
     """
 
     value: float
@@ -43,6 +46,7 @@ class Column:
     folds: tuple[Point, ...]
     regions: Array
     flow: Array
+    problem: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +54,7 @@ class PhaseDiagram:
     """Regions and flow (rows of v_p0, columns of the other parameter) with their edges.
 
     `fold_line` holds (value, v_p0) along the curve of folds, `tips` the points (value, v_p0) where
-    it meets the threshold.
+    it meets the threshold. `problems` says what could not be followed to its end.
     """
 
     name: str
@@ -59,6 +63,7 @@ class PhaseDiagram:
     columns: tuple[Column, ...]
     fold_line: tuple[tuple[float, float], ...]
     tips: tuple[tuple[float, float], ...]
+    problems: tuple[str, ...] = ()
 
     @property
     def regions(self) -> Array:
@@ -91,56 +96,67 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
     threshold = onset_speed(p)
     if threshold is None:
         return Column(value, None, (), np.where(resting, REST, NEITHER), np.zeros(speeds.size))
-    points, folds, complete = _polarized_branch(p, threshold, float(speeds[-1]))
+    points, folds, problem = _polarized_branch(p, threshold, float(speeds[-1]))
+    # a branch that stops on its way down hides the faster states at every v_p0
+    hidden = not points or points[-1].parameter_tangent < 0
     flow, unresolved = np.zeros(speeds.size), np.zeros(speeds.size, dtype=bool)
     for row, v in enumerate(speeds):
         state = _fastest(p.replace(v_p0=float(v)), points)
-        if state is None:
-            beyond = not complete and v > points[-1].parameter
-            unresolved[row] = beyond
-        elif not any(unstable_modes(state).values()):
+        beyond = problem != "" and (hidden or v > points[-1].parameter)
+        if beyond or (state is not None and not state.converged):
+            unresolved[row] = True
+        elif state is not None and not any(unstable_modes(state).values()):
             flow[row] = state.max_retrograde_speed
     regions = np.where(
         flow > 0, np.where(resting, BISTABLE, POLARIZED), np.where(resting, REST, NEITHER)
     )
-    return Column(value, threshold, folds, np.where(unresolved, UNRESOLVED, regions), flow)
+    regions = np.where(unresolved, UNRESOLVED, regions)
+    return Column(value, threshold, folds, regions, flow, problem)
 
 
 def _rests(p: Parameters) -> bool:
     """Whether the homogeneous sphere is stable; its growth rates do not depend on m."""
-    return count_unstable(growth_rates(homogeneous(p, 4), 0, 8)) == 0
+    return count_unstable(growth_rates(homogeneous(p, 4), 0, 8), p) == 0
 
 
 def _polarized_branch(
     p: Parameters, threshold: float, high: float
-) -> tuple[list[Point], tuple[Point, ...], bool]:
+) -> tuple[list[Point], tuple[Point, ...], str]:
+    """Points and folds of the branch, and what stopped it before it rose beyond `high`."""
     options = Options(parameter_scale=threshold, max_step=0.4, angle=0.2, max_points=200)
-    start = departure(p, "v_p0", threshold, options)
-    points, folds = [start], []
+    points: list[Point] = []
+    folds = []
     try:
-        for point in follow(start, options):
+        points.append(departure(p, "v_p0", threshold, options))
+        for point in follow(points[0], options):
             if point.fold:
                 folds.append(point)
                 continue
             points.append(point)
             if point.parameter > max(high, threshold) or point.parameter <= 0:
-                return points, tuple(folds), True
-    except (Stalled, InvalidInput):
-        pass
-    return points, tuple(folds), False
+                return points, tuple(folds), ""
+    except (Stalled, InvalidInput) as stop:
+        return points, tuple(folds), str(stop)
+    return points, tuple(folds), f"not finished after {options.max_points} points"
 
 
 def _fastest(p: Parameters, points: list[Point]) -> SteadyState | None:
-    """The last crossing of p.v_p0 along the branch, beyond its fold."""
+    """The last crossing of p.v_p0 along the branch, beyond its fold; None if it never crosses.
+
+    Look at `converged`: Newton's method may fail at a crossing.
+    """
     for a, b in zip(points[-2::-1], points[:0:-1], strict=True):
         if min(a.parameter, b.parameter) <= p.v_p0 <= max(a.parameter, b.parameter):
-            state = interpolated_state(p, a, b)
-            return state if state.converged else None
+            return interpolated_state(p, a, b)
     return None
 
 
-def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[tuple[float, float]]:
+def fold_line(
+    p: Parameters, name: str, values: Array, column: Column
+) -> tuple[list[tuple[float, float]], list[str]]:
     """(value, v_p0) along the curve of folds through the first fold of a column, both ways.
+
+    The second entry says what stopped it elsewhere than at one of its ends, if anything did.
 
     Two-parameter continuation; it ends at the limits of `values` or where the fold meets the
     threshold, its amplitude vanishing.
@@ -158,9 +174,10 @@ def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[t
         scale=system.scale,
     )
     if not found.converged:
-        return []
+        return [], [f"the fold at {name} = {column.value:.6g} was not found again"]
     options = Options(parameter_scale=float(np.ptp(values)), max_step=0.1, max_points=80)
     line = [(column.value, float(found.x[-1]))]
+    problems = []
     for direction in (1.0, -1.0):
         half: list[tuple[float, float]] = []
         try:
@@ -170,10 +187,20 @@ def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[t
                 if turned or not values[0] <= point.parameter <= values[-1]:
                     break
                 half.append((point.parameter, float(point.x[-1])))
-        except (Stalled, InvalidInput):
-            pass
+            else:
+                problems.append(f"not finished after {options.max_points} points")
+        except (Stalled, InvalidInput) as stop:
+            if not _at_tip(p, name, half or line):
+                problems.append(str(stop))
         line = line + half if direction > 0 else half[::-1] + line
-    return line
+    return line, problems
+
+
+def _at_tip(p: Parameters, name: str, line: list[tuple[float, float]]) -> bool:
+    """Whether the line of folds has come to the threshold."""
+    value, speed = line[-1]
+    threshold = onset_speed(p.replace(**{name: value}))
+    return threshold is not None and abs(speed - threshold) < AT_TIP * threshold
 
 
 def phase_diagram(
@@ -182,14 +209,16 @@ def phase_diagram(
     """The diagram of finished columns, with its fold line and the tips of the bistable region."""
     folded = [c for c in columns if c.folds]
     line: list[tuple[float, float]] = []
+    problems = [f"branch at {name} = {c.value:.6g}: {c.problem}" for c in columns if c.problem]
     if folded:
-        line = fold_line(p, name, values, max(folded, key=_depth))
+        line, stops = fold_line(p, name, values, max(folded, key=_depth))
+        problems += [f"line of folds: {stop}" for stop in stops]
     tips = []
     for value in critical_values(p, name, list(np.linspace(values[0], values[-1], 9))):
         threshold = onset_speed(p.replace(**{name: value}))
         if threshold is not None:
             tips.append((value, threshold))
-    return PhaseDiagram(name, values, speeds, columns, tuple(line), tuple(tips))
+    return PhaseDiagram(name, values, speeds, columns, tuple(line), tuple(tips), tuple(problems))
 
 
 def _depth(column: Column) -> float:

@@ -28,7 +28,10 @@ Array = NDArray[Any]
 
 AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
 NEUTRAL = 1e-7
-"""Growth rates below this fraction of the typical rate do not count as unstable."""
+"""Growth rates below this fraction of turnover, diffusion and treadmilling count as neutral."""
+
+ROUNDING = 8 * float(np.finfo(float).eps)
+"""Error of an eigenvalue in units of the fastest rate, which grows with delta_P."""
 
 
 ROTATION_SEEN = 1e-6
@@ -103,12 +106,23 @@ def growth_rates(state: SteadyState, m: int, degree: int | None = None) -> Array
 
 def unstable_modes(state: SteadyState, degree: int | None = None) -> dict[int, int]:
     """Number of growing modes for m = 0, 1, 2, 3 (for m > 0 per sense of rotation)."""
-    return {m: count_unstable(growth_rates(state, m, degree)) for m in AZIMUTHAL_NUMBERS}
+    p = state.parameters
+    return {m: count_unstable(growth_rates(state, m, degree), p) for m in AZIMUTHAL_NUMBERS}
 
 
-def count_unstable(rates: Array) -> int:
-    """How many growth rates are positive beyond rounding."""
-    return int(np.sum(rates.real > NEUTRAL * np.median(np.abs(rates))))
+def count_unstable(rates: Array, p: Parameters) -> int:
+    """How many growth rates are positive beyond `neutral_rate`."""
+    return int(np.sum(rates.real > neutral_rate(rates, p)))
+
+
+def neutral_rate(rates: Array, p: Parameters) -> float:
+    """The size up to which a rate is taken for zero [1/time].
+
+    A fraction of the rates of polarization, which do not grow with delta_P as those of the shape
+    do, plus the rounding of the eigenvalues.
+    """
+    slow = p.beta + p.D / p.R0**2 + abs(float(p.v_p(p.c0))) / p.R0
+    return NEUTRAL * slow + ROUNDING * float(np.abs(rates).max())
 
 
 def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741

@@ -62,7 +62,9 @@ def execute(args: argparse.Namespace) -> int:
         check_picture_path(args.plot)
     branch = _branch(args, p, start)
     if branch.message:
-        advice = "or end the window earlier, or smooth the states by a larger D or delta_P"
+        advice = (
+            "one can also end the window earlier, or smooth the states by a larger D or delta_P"
+        )
         print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_branch
@@ -134,27 +136,29 @@ def _branch(args: argparse.Namespace, p: Parameters, start: float) -> Branch:
     return branch
 
 
-def _row(name: str, b: BranchPoint) -> dict[str, Any]:
+def _row(name: str, b: BranchPoint, neutral: int | None = None) -> dict[str, Any]:
+    """The entry of a point; where a mode m = `neutral` has the rate 0, stability is no question."""
     s = b.state
+    counts = {str(m): None if m == neutral else count for m, count in b.unstable.items()}
     return {
         name: b.value,
         "max_retrograde_speed": s.max_retrograde_speed,
         "c_front": s.c_front,
         "c_rear": s.c_rear,
         "zeta0": s.zeta0,
-        "stable": b.stable,
-        "unstable_modes": {str(m): count for m, count in b.unstable.items()},
+        "stable": b.stable if neutral is None else None,
+        "unstable_modes": counts,
     }
 
 
 def _document(branch: Branch) -> dict[str, Any]:
     name = branch.name
     origin = [] if branch.origin is None else [{name: branch.origin, "m": 0}]
-    crossings = [(c.oscillating, {**_row(name, c.at), "m": c.m}) for c in branch.crossings]
+    crossings = [(c.oscillating, {**_row(name, c.at, c.m), "m": c.m}) for c in branch.crossings]
     return {
         "vary": name,
         "points": [_row(name, b) for b in branch.points],
-        "folds": [_row(name, b) for b in branch.folds],
+        "folds": [_row(name, b, 0) for b in branch.folds],
         "branch_points": origin + [row for oscillating, row in crossings if not oscillating],
         "hopf_points": [row for oscillating, row in crossings if oscillating],
         "message": branch.message,

@@ -66,6 +66,11 @@ def execute(args: argparse.Namespace) -> int:
             columns.append(column)
             progress.advance(task)
     diagram = phase_diagram(p, args.vary, values, speeds, tuple(columns))
+    for problem in diagram.problems:
+        print(f"amoeboid phase-diagram: incomplete: {problem}", file=sys.stderr)
+    if diagram.problems:
+        advice = "smoother states are easier: a larger D or delta_P, a smaller --speed-to"
+        print(f"amoeboid phase-diagram: {advice}", file=sys.stderr)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_phase_diagram
 
@@ -119,6 +124,7 @@ def _document(diagram: PhaseDiagram) -> dict[str, Any]:
         "threshold": pairs(thresholds),
         "fold": pairs(diagram.fold_line),
         "boundary": pairs(diagram.tips),
+        "problems": list(diagram.problems),
     }
 
 

@@ -121,8 +121,8 @@ def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
             return there, step
         step /= 2
     raise Stalled(
-        f"no step from parameter = {here.parameter:.10g} succeeds; "
-        "allow a smaller min_step or more modes"
+        f"no step from parameter = {here.parameter:.10g} succeeds, down to the length "
+        f"{options.min_step:g}"
     )
 
 
