@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from amoeboid.axisymmetric.branches import interpolated_state
 from amoeboid.axisymmetric.criticality import critical_values
 from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.stability import count_unstable, growth_rates, unstable_modes
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
 from amoeboid.numerics.continuation import Options, Point, Stalled, follow, through
@@ -139,7 +140,9 @@ def _fastest(p: Parameters, points: list[Point]) -> SteadyState | None:
     return None
 
 
-def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[tuple[float, float]]:
+def fold_line(
+    p: Parameters, name: str, values: Array, column: Column, watch: Watch = unwatched
+) -> list[tuple[float, float]]:
     """(value, v_p0) along the curve of folds through the first fold of a column, both ways.
 
     Two-parameter continuation; it ends at the limits of `values` or where the fold meets the
@@ -165,7 +168,8 @@ def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[t
         half: list[tuple[float, float]] = []
         try:
             begin = through(system, found.x, column.value, direction, options)
-            for point in follow(begin, options):
+            for count, point in enumerate(follow(begin, options), 1):
+                watch(Progress("fold line", name, point.parameter, n, count))
                 turned = point.fold or point.parameter_tangent * direction < 0
                 if turned or not values[0] <= point.parameter <= values[-1]:
                     break
@@ -177,13 +181,18 @@ def fold_line(p: Parameters, name: str, values: Array, column: Column) -> list[t
 
 
 def phase_diagram(
-    p: Parameters, name: str, values: Array, speeds: Array, columns: tuple[Column, ...]
+    p: Parameters,
+    name: str,
+    values: Array,
+    speeds: Array,
+    columns: tuple[Column, ...],
+    watch: Watch = unwatched,
 ) -> PhaseDiagram:
     """The diagram of finished columns, with its fold line and the tips of the bistable region."""
     folded = [c for c in columns if c.folds]
     line: list[tuple[float, float]] = []
     if folded:
-        line = fold_line(p, name, values, max(folded, key=_depth))
+        line = fold_line(p, name, values, max(folded, key=_depth), watch)
     tips = []
     for value in critical_values(p, name, list(np.linspace(values[0], values[-1], 9))):
         threshold = onset_speed(p.replace(**{name: value}))

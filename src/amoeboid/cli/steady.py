@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import add_settings, parameters_of, print_json
 
 
@@ -32,7 +33,8 @@ def execute(args: argparse.Namespace) -> int:
         from amoeboid.plotting.branches import check_picture_path
 
         check_picture_path(args.plot)
-    found = search(p)
+    with shown() as watch:
+        found = search(p, watch=watch)
     unstable = [unstable_modes(s) for s in found.states]
     rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
