@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -67,6 +67,8 @@ def execute(args: argparse.Namespace) -> int:
     if branch.message:
         advice = "or end the window earlier, or smooth the states by a larger D or delta_P"
         print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
+    pressures = [b.state.parameters.delta_P for b in branch.points]
+    warn_without_pressure("branch", min(pressures, default=p.delta_P))
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_branch
 
