@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from amoeboid.axisymmetric.branches import Window, branch_from_sphere, search
-from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
+from amoeboid.axisymmetric.phase_diagram import fold_line, phase_column
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import shown
 from amoeboid.numerics.continuation import Options, follow, through
@@ -34,11 +34,10 @@ def test_a_search_reports_each_branch_it_follows():
 
 
 def test_the_fold_line_reports_its_points():
-    p, values, speeds = Parameters(), np.array([0.3, 0.4]), np.array([4.5, 5.5])
-    columns = tuple(phase_columns(p, "D", values, speeds))
+    p, values = Parameters(D=0.4), np.array([0.3, 0.4])
+    column = phase_column(p, 0.4, np.array([4.5, 5.5]))
     steps = []
-    diagram = phase_diagram(p, "D", values, speeds, columns, steps.append)
-    line = {value for value, _ in diagram.fold_line}
+    line = {value for value, _ in fold_line(p, "D", values, column, steps.append)}
     reported = {s.value for s in steps if s.task == "fold line" and s.name == "D"}
     assert len(line - reported) == 1  # the point it starts from
     assert len(line) > 2
