@@ -275,7 +275,7 @@ def test_why_no_branch_in_v_p0_can_be_followed(p, text):
 
 def test_a_problem_of_both_signs_of_a_mode_is_told_once(monkeypatch):
     monkeypatch.setattr(
-        "amoeboid.axisymmetric.branches._crossed", lambda p, l, sign: ([], "it stalled")
+        "amoeboid.axisymmetric.branches._crossed", lambda p, l, sign, *_watch: ([], "it stalled")
     )
     assert search(Parameters()).problems == tuple(
         f"branch of l = {l}: it stalled" for l in (1, 2, 3)

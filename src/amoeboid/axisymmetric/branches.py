@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.stability import (
     AZIMUTHAL_NUMBERS,
     count_unstable,
@@ -129,6 +130,7 @@ def branch_from_sphere(
     sign: float = 1.0,
     options: Options | None = None,
     n: int = MODES,
+    watch: Watch = unwatched,
 ) -> Branch | None:
     """The branch that mode l of the homogeneous sphere sends out, inside the window.
 
@@ -144,12 +146,17 @@ def branch_from_sphere(
     for origin in origins:
         chosen = options or Options(parameter_scale=abs(origin) or 1.0)
         start = departure(p, name, origin, chosen, n, sign)
-        return trace(p, name, start, window, chosen, origin)
+        return trace(p, name, start, window, chosen, origin, watch)
     return None
 
 
 def branch_from_state(
-    state: SteadyState, name: str, window: Window, direction: float, options: Options | None = None
+    state: SteadyState,
+    name: str,
+    window: Window,
+    direction: float,
+    options: Options | None = None,
+    watch: Watch = unwatched,
 ) -> Branch:
     """The branch through a steady state in the parameter `name`, leaving it in `direction`."""
     p, value = state.parameters, float(getattr(state.parameters, name))
@@ -157,7 +164,7 @@ def branch_from_state(
     chosen = options or Options(parameter_scale=size)
     system = SteadySystem(p, state.n, (name,))
     first = through(system, state.x, value, direction, chosen)
-    branch = trace(p, name, first, window, chosen, None)
+    branch = trace(p, name, first, window, chosen, None, watch)
     points = (branch_point(first, p, name), *branch.points)
     return replace(branch, points=points)
 
@@ -169,6 +176,7 @@ def trace(
     window: Window,
     options: Options,
     origin: float | None,
+    watch: Watch = unwatched,
 ) -> Branch:
     """Follow a branch until it leaves the window; locate its folds and crossings."""
     points: list[BranchPoint] = []
@@ -176,7 +184,8 @@ def trace(
     message = f"stopped after {options.max_points} points; allow more, or longer steps"
     before = start
     try:
-        for point in follow(start, options):
+        for count, point in enumerate(follow(start, options), 1):
+            watch(Progress("branch", name, point.parameter, (point.x.size - 3) // 3, count))
             if window.holds(point.parameter):
                 found = branch_point(point, p, name)
                 (folds if point.fold else points).append(found)
@@ -197,7 +206,7 @@ def trace(
             before = before if point.fold else point
     except Stalled as stall:
         message = str(stall)
-    crossings = _crossings(p, name, points, folds, options)
+    crossings = _crossings(p, name, points, folds, options, watch)
     return Branch(name, tuple(points), tuple(folds), crossings, origin, message)
 
 
@@ -252,9 +261,11 @@ def _crossings(
     points: list[BranchPoint],
     folds: list[BranchPoint],
     options: Options,
+    watch: Watch,
 ) -> tuple[Crossing, ...]:
     found: list[Crossing] = []
-    for a, b in pairwise(points):
+    for count, (a, b) in enumerate(pairwise(points), 1):
+        watch(Progress("stability", name, b.value, b.state.n, count))
         for m in AZIMUTHAL_NUMBERS:
             counts = sorted((a.unstable[m], b.unstable[m]))
             previous: float | None = None
@@ -305,7 +316,7 @@ def steady_states(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> tuple[
     return search(p, degrees).states
 
 
-def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
+def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3), watch: Watch = unwatched) -> Search:
     """Look for all steady states at one parameter point.
 
     They are the crossings of v_p0 = p.v_p0 with the branches that modes l of the homogeneous sphere
@@ -319,7 +330,7 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> Search:
         problems.append(f"only states reached in time are found: {without}")
     for l in degrees:  # noqa: E741
         for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
-            states, problem = _crossed(p, l, sign)
+            states, problem = _crossed(p, l, sign, watch)
             found.extend(states)
             text = f"branch of l = {l}: {problem}"
             if problem and text not in problems:
@@ -355,7 +366,12 @@ def _reached_in_time(p: Parameters) -> list[SteadyState]:
     return [state for state in found if state.converged]
 
 
-def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str]:  # noqa: E741
+def _crossed(
+    p: Parameters,
+    l: int,  # noqa: E741
+    sign: float,
+    watch: Watch,
+) -> tuple[list[SteadyState], str]:
     """The states at p on the branch that mode l sends out in v_p0, and what stopped the search."""
     found: list[SteadyState] = []
     problem = ""
@@ -365,7 +381,9 @@ def _crossed(p: Parameters, l: int, sign: float) -> tuple[list[SteadyState], str
     options = Options(parameter_scale=threshold, max_step=1.5, angle=0.2, max_points=80)
     try:
         before = departure(p, "v_p0", threshold, options, sign=sign)
-        for point in follow(before, options):
+        for count, point in enumerate(follow(before, options), 1):
+            task = f"searching along l = {l}"
+            watch(Progress(task, "v_p0", point.parameter, (point.x.size - 3) // 3, count))
             if point.fold:
                 continue
             low_, high_ = sorted((before.parameter, point.parameter))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from amoeboid.axisymmetric.branches import interpolated_state
 from amoeboid.axisymmetric.criticality import critical_values
 from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.stability import count_unstable, growth_rates, unstable_modes
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
 from amoeboid.numerics.continuation import Options, Point, Stalled, follow, through
@@ -152,7 +153,7 @@ def _fastest(p: Parameters, points: list[Point]) -> SteadyState | None:
 
 
 def fold_line(
-    p: Parameters, name: str, values: Array, column: Column
+    p: Parameters, name: str, values: Array, column: Column, watch: Watch = unwatched
 ) -> tuple[list[tuple[float, float]], list[str]]:
     """(value, v_p0) along the curve of folds through the first fold of a column, both ways.
 
@@ -182,7 +183,8 @@ def fold_line(
         half: list[tuple[float, float]] = []
         try:
             begin = through(system, found.x, column.value, direction, options)
-            for point in follow(begin, options):
+            for count, point in enumerate(follow(begin, options), 1):
+                watch(Progress("fold line", name, point.parameter, n, count))
                 turned = point.fold or point.parameter_tangent * direction < 0
                 if turned or not values[0] <= point.parameter <= values[-1]:
                     break
@@ -204,14 +206,19 @@ def _at_tip(p: Parameters, name: str, line: list[tuple[float, float]]) -> bool:
 
 
 def phase_diagram(
-    p: Parameters, name: str, values: Array, speeds: Array, columns: tuple[Column, ...]
+    p: Parameters,
+    name: str,
+    values: Array,
+    speeds: Array,
+    columns: tuple[Column, ...],
+    watch: Watch = unwatched,
 ) -> PhaseDiagram:
     """The diagram of finished columns, with its fold line and the tips of the bistable region."""
     folded = [c for c in columns if c.folds]
     line: list[tuple[float, float]] = []
     problems = [f"branch at {name} = {c.value:.6g}: {c.problem}" for c in columns if c.problem]
     if folded:
-        line, stops = fold_line(p, name, values, max(folded, key=_depth))
+        line, stops = fold_line(p, name, values, max(folded, key=_depth), watch)
         problems += [f"line of folds: {stop}" for stop in stops]
     tips = []
     for value in critical_values(p, name, list(np.linspace(values[0], values[-1], 9))):

@@ -8,11 +8,13 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.progress import shown
+from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from amoeboid.axisymmetric.branches import Branch, BranchPoint
+    from amoeboid.axisymmetric.progress import Watch
     from amoeboid.parameters import Parameters
 
 INCOMPLETE = 1
@@ -60,12 +62,15 @@ def execute(args: argparse.Namespace) -> int:
         from amoeboid.plotting.branches import check_picture_path
 
         check_picture_path(args.plot)
-    branch = _branch(args, p, start)
+    with shown() as watch:
+        branch = _branch(args, p, start, watch)
     if branch.message:
         advice = (
             "one can also end the window earlier, or smooth the states by a larger D or delta_P"
         )
         print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
+    pressures = [b.state.parameters.delta_P for b in branch.points]
+    warn_without_pressure("branch", min(pressures, default=p.delta_P))
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_branch
 
@@ -97,12 +102,12 @@ def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
     return float(start)
 
 
-def _branch(args: argparse.Namespace, p: Parameters, start: float) -> Branch:
+def _branch(args: argparse.Namespace, p: Parameters, start: float, watch: Watch) -> Branch:
     from amoeboid.axisymmetric.branches import (
         Window,
         branch_from_sphere,
         branch_from_state,
-        steady_states,
+        search,
     )
     from amoeboid.axisymmetric.onset import onset_speed
     from amoeboid.numerics.continuation import Options
@@ -118,11 +123,11 @@ def _branch(args: argparse.Namespace, p: Parameters, start: float) -> Branch:
     )
     branch = None
     if name != "v_p0":
-        state = steady_states(p.replace(**{name: start}), degrees=(1,))[-1]
+        state = search(p.replace(**{name: start}), (1,), watch).states[-1]
         if state.max_retrograde_speed > 0:
-            branch = branch_from_state(state, name, window, end - start, options)
+            branch = branch_from_state(state, name, window, end - start, options, watch)
     if branch is None:
-        branch = branch_from_sphere(p, name, window, options=options)
+        branch = branch_from_sphere(p, name, window, options=options, watch=watch)
     if branch is None:
         raise InvalidInput(
             f"no polarized state found for {name} between {window.low:g} and {window.high:g}; "

@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import add_settings, parameters_of, print_json
 from amoeboid.validation import InvalidInput
 
@@ -65,7 +66,8 @@ def execute(args: argparse.Namespace) -> int:
         for column in phase_columns(p, args.vary, values, speeds):
             columns.append(column)
             progress.advance(task)
-    diagram = phase_diagram(p, args.vary, values, speeds, tuple(columns))
+    with shown() as watch:
+        diagram = phase_diagram(p, args.vary, values, speeds, tuple(columns), watch)
     for problem in diagram.problems:
         print(f"amoeboid phase-diagram: incomplete: {problem}", file=sys.stderr)
     if diagram.problems:

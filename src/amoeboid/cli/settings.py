@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from dataclasses import fields
 from typing import Any
 
@@ -31,6 +32,16 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
 def parameters_of(args: argparse.Namespace) -> Parameters:
     """The parameters that `--set` gives, starting from the paper's parameter table."""
     return with_settings(Config(parameters=Parameters()), args.settings).parameters
+
+
+def warn_without_pressure(command: str, lowest: float) -> None:
+    """Say on standard error that counts of growing modes mean little at delta_P = 0."""
+    if lowest == 0:
+        print(
+            f"amoeboid {command}: at delta_P = 0 short waves are hardly damped and the counts of "
+            "unstable modes depend on the resolution; raise delta_P to trust them",
+            file=sys.stderr,
+        )
 
 
 def print_json(result: dict[str, Any]) -> None:

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.progress import shown
+from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +33,8 @@ def execute(args: argparse.Namespace) -> int:
         from amoeboid.plotting.branches import check_picture_path
 
         check_picture_path(args.plot)
-    found = search(p)
+    with shown() as watch:
+        found = search(p, watch=watch)
     unstable = [unstable_modes(s) for s in found.states]
     rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
@@ -40,6 +42,7 @@ def execute(args: argparse.Namespace) -> int:
     if found.problems:
         advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
         print(f"amoeboid steady: {advice}", file=sys.stderr)
+    warn_without_pressure("steady", p.delta_P)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_states
 

@@ -57,7 +57,8 @@ class Options:
     """How a branch is followed; lengths in the norm of the module docstring.
 
     `angle` is the turn of the tangent aimed at in one step; a step that turns by more than twice
-    that, or whose Newton iteration fails, is halved down to `min_step`.
+    that, or whose Newton iteration fails, is halved down to `min_step`. `max_step` is the longest
+    step while |x| is of the order of its scale; it grows in proportion to |x| where that grows.
     """
 
     parameter_scale: float = 1.0
@@ -100,7 +101,7 @@ def follow(start: Point, options: Options) -> Iterator[Point]:
 
     Ends after `max_points`; raises Stalled if the smallest step fails. Stop it by not asking on.
     """
-    here, step = start, options.first_step
+    here, step, size = start, options.first_step, _size(start)
     for _ in range(options.max_points):
         there, taken = _next(here, step, options)
         if here.parameter_tangent * there.parameter_tangent < 0:
@@ -111,7 +112,8 @@ def follow(start: Point, options: Options) -> Iterator[Point]:
         here = adapted(there, options)
         yield here
         step = taken * float(np.clip(options.angle / max(turn, 1e-3), 0.5, 1.6))
-        step = min(max(step, options.min_step), options.max_step)
+        longest = options.max_step * max(1.0, _size(here) / size)
+        step = min(max(step, options.min_step), longest)
 
 
 def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
@@ -131,6 +133,10 @@ def _turn(a: Point, b: Point, options: Options) -> float:
         a.parameter_tangent * b.parameter_tangent / options.parameter_scale**2
     )
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _size(point: Point) -> float:
+    return max(1.0, float(np.sqrt(_inner(point.system, point.x, point.x))))
 
 
 def _inner(system: System, a: Array, b: Array) -> float:
