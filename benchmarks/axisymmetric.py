@@ -45,13 +45,13 @@ def figure_branches() -> tuple[int, int]:
         Parameters(D=0.03),
         "v_p0",
         Window(0.0, 4.2),
-        options=Options(parameter_scale=3.55, max_step=0.024, first_step=0.02),
+        options=Options(parameter_scale=3.55, max_step=0.018, first_step=0.018),
     )
     b = branch_from_sphere(
         Parameters(D=0.4),
         "v_p0",
         Window(0.0, 8.0),
-        options=Options(parameter_scale=6.0, max_step=0.068),
+        options=Options(parameter_scale=6.0, max_step=0.034),
     )
     assert a is not None
     assert b is not None
