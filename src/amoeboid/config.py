@@ -5,7 +5,6 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from difflib import get_close_matches
 from typing import Any
 
 import tomli_w
@@ -18,6 +17,7 @@ from amoeboid.validation import (
     flag,
     integer,
     number,
+    refuse_unknown,
     toml_document,
     validate,
     vector,
@@ -121,11 +121,10 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
     """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
     sections = {}
     for section, values in changes.items():
-        _refuse_unknown(section, SECTIONS, "section")
+        refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
-        for name in values:
-            _refuse_unknown(name, SECTIONS[section], f"field of [{section}]")
+        refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
         sections[section] = replace(getattr(base, section), **values)
     return replace(base, **sections)
 
@@ -146,8 +145,7 @@ def with_settings(base: Config, settings: Iterable[str]) -> Config:
             raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
         if not dot:
             section, name = "parameters", path
-            if name not in PARAMETER_NAMES:
-                _refuse_unknown(name, (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
+            refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
         value = text.strip() if name == "law" else _value(text.strip())
         changes.setdefault(section, {})[name] = value
     return configured(base, changes)
@@ -163,14 +161,6 @@ def _value(text: str) -> Any:
 
 def _dotted_names() -> list[str]:
     return [f"{s}.{n}" for s, names in SECTIONS.items() if s != "parameters" for n in names]
-
-
-def _refuse_unknown(name: str, known: Iterable[str], noun: str) -> None:
-    known = list(known)
-    if name not in known:
-        close = get_close_matches(name, known, n=1)
-        hint = f"; did you mean {close[0]}?" if close else ""
-        raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
 
 
 def config_to_toml(config: Config) -> str:

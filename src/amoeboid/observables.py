@@ -31,9 +31,7 @@ def retrograde_flow(model: Model, state: State, flow: Flow) -> Array:
     v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
     drift = (flow.node_areas * v_n) @ x / volume(state.r, model.mesh.faces)
     relative = flow.v - drift
-    return np.asarray(
-        relative - np.einsum("vi,vi->v", relative, flow.normals)[:, None] * flow.normals
-    )
+    return relative - geometry.normal_part(relative, flow.normals)
 
 
 def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:

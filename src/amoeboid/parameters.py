@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from difflib import get_close_matches
 from typing import Any
 
 import tomli_w
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array, Exponential, Law
 from amoeboid.polymerization import law as law_from
-from amoeboid.validation import InvalidInput, number, toml_document, validate
+from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +67,7 @@ class Parameters:
 
     def replace(self, **changes: Any) -> Parameters:
         """A copy with some parameters changed; unknown names are refused."""
-        _refuse_unknown(changes)
+        refuse_unknown(changes, PARAMETER_NAMES, "parameter")
         return replace(self, **changes)
 
     def as_dict(self) -> dict[str, float | str]:
@@ -85,7 +84,7 @@ def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
 
     Raises InvalidInput for an unknown name or a value that is refused.
     """
-    _refuse_unknown(mapping)
+    refuse_unknown(mapping, PARAMETER_NAMES, "parameter")
     return Parameters(**mapping)
 
 
@@ -97,13 +96,3 @@ def parameters_to_toml(p: Parameters) -> str:
 def parameters_from_toml(text: str) -> Parameters:
     """Parameters from TOML text. Raises InvalidInput if it is not valid TOML."""
     return parameters_from(toml_document(text, "the parameters"))
-
-
-def _refuse_unknown(mapping: Mapping[str, Any]) -> None:
-    for name in mapping:
-        if name not in PARAMETER_NAMES:
-            close = get_close_matches(name, PARAMETER_NAMES, n=1)
-            hint = f"; did you mean {close[0]}?" if close else ""
-            raise InvalidInput(
-                f"{name!r} is no parameter; the parameters are {', '.join(PARAMETER_NAMES)}{hint}"
-            )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import tomllib
+from collections.abc import Iterable
 from dataclasses import Field, field, fields
+from difflib import get_close_matches
 from numbers import Integral, Real
 from typing import Any
 
@@ -76,6 +78,16 @@ def validate(instance: Any, section: str = "") -> None:
             name = f"{section}.{f.name}" if section else f.name
             checked = _checked(name, getattr(instance, f.name), f)
             object.__setattr__(instance, f.name, checked)
+
+
+def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> None:
+    """Raise InvalidInput for the first name that is not known, with the nearest one that is."""
+    known = list(known)
+    for name in names:
+        if name not in known:
+            close = get_close_matches(name, known, n=1)
+            hint = f"; did you mean {close[0]}?" if close else ""
+            raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
 
 
 def toml_document(text: str, what: str) -> dict[str, Any]:

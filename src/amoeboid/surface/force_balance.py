@@ -24,6 +24,7 @@ from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
+    normal_part,
     volume_gradient,
     weighted_area_gradient,
 )
@@ -103,7 +104,7 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     Net force and torque of `force` must vanish (those of any energy of the shape do); what the
     projection adds to them is spread over the surface and taken off again.
     """
-    projected = np.einsum("vi,vi->v", force, g.normals)[:, None] * g.normals
+    projected = normal_part(force, g.normals)
     rigid = rigid_motions(r, g)
     weighted = np.repeat(g.node_areas, 3)[:, None] * rigid
     share = np.linalg.solve(rigid.T @ weighted, rigid.T @ projected.ravel())

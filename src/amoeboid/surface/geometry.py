@@ -81,6 +81,11 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
     return areas, face_normals, gradients, node_areas, normals
 
 
+def normal_part(v: Array, normals: Array) -> Array:
+    """The part of node vectors v (V, 3) along the unit vectors `normals` (V, 3)."""
+    return np.asarray(np.einsum("vi,vi->v", v, normals)[:, None] * normals)
+
+
 def face_vectors(r: Array, faces: Index) -> Array:
     """Area vectors of the triangles (F, 3): half the cross product of two edges [length^2]."""
     a, b, c = r[faces[:, 0]], r[faces[:, 1]], r[faces[:, 2]]

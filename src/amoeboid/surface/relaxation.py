@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.surface.geometry import Geometry, geometry, scatter
+from amoeboid.surface.geometry import Geometry, geometry, normal_part, scatter
 from amoeboid.surface.mesh import Connectivity, Index, connectivity, icosphere
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ def relaxation(r: Array, g: Geometry, mesh: Connectivity) -> Array:
     moments = g.face_areas[:, None] * r[mesh.faces].mean(axis=1)
     target = scatter(np.repeat(moments[:, None, :], 3, axis=1), mesh.faces, len(r))
     pull = target / (3.0 * g.node_areas[:, None]) - r
-    return np.asarray(pull - np.einsum("vi,vi->v", pull, g.normals)[:, None] * g.normals)
+    return pull - normal_part(pull, g.normals)
 
 
 def even_icosphere(subdivisions: int, tolerance: float = 1e-10) -> tuple[Array, Index]:

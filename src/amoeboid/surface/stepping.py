@@ -16,6 +16,7 @@ from amoeboid.surface.geometry import (
     area_gradient,
     geometry,
     mesh_quality,
+    normal_part,
     volume_centroid,
 )
 from amoeboid.surface.model import Flow, Model, State
@@ -101,8 +102,8 @@ def _area_preserving_move(
 ) -> tuple[Array, float]:
     """Nodes moved by the normal velocity, with the tension that makes the area A0 (Newton)."""
     faces, A0 = model.mesh.faces, model.A0
-    rest = start + dt * _normal_part(solution.rest, g.normals)
-    slope = dt * _normal_part(solution.slope, g.normals)
+    rest = start + dt * normal_part(solution.rest, g.normals)
+    slope = dt * normal_part(solution.slope, g.normals)
     for _ in range(30):
         r = rest + zeta0 * slope
         excess = area(r, faces) - A0
@@ -115,10 +116,6 @@ def _area_preserving_move(
             break
         zeta0 -= excess / growth
     raise StepFailed("no tension keeps the area over this step")
-
-
-def _normal_part(v: Array, normals: Array) -> Array:
-    return np.asarray(np.einsum("vi,vi->v", v, normals)[:, None] * normals)
 
 
 def _progress(model: Model, r: Array, r_new: Array, flow: Flow, dt: float) -> Array:
