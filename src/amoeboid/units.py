@@ -13,7 +13,7 @@ from functools import cache
 from typing import Any
 
 from amoeboid.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, refuse_unknown
 
 # The cell of the paper's estimates (SI, section on parameters): the last column of its table, with
 # c_r = mu h for 8.5 umol/l of monomers in a cortex of 190 nm, and eta_b = eta_s.
@@ -65,11 +65,7 @@ def to_simulation(physical: Mapping[str, Any]) -> tuple[Parameters, Scales]:
     Parameters left out are those of `PAPER_CELL`. Raises InvalidInput for an unknown name, a
     text that is no quantity, or a wrong dimension, naming the parameter.
     """
-    for name in physical:
-        if name not in PARAMETER_NAMES:
-            raise InvalidInput(
-                f"{name!r} is no parameter; the parameters are {', '.join(PARAMETER_NAMES)}"
-            )
+    refuse_unknown(physical, PARAMETER_NAMES, "parameter")
     given = {**PAPER_CELL, **physical}
     law = given.pop("law")
     si = {name: _in_base_units(name, value) for name, value in given.items()}

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from amoeboid.parameters import Parameters
 from amoeboid.polymerization import Array, Law
 from amoeboid.polymerization import law as law_from
-from amoeboid.validation import InvalidInput, rule
+from amoeboid.validation import InvalidInput, refuse_unknown, rule
 
 Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
@@ -76,11 +76,8 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     values: dict[str, Any] = {f.name: np.asarray(getattr(base, f.name)) for f in _NUMBERS}
     law = law_from(changes.pop("law", base.law))
     by_name = {f.name: f for f in _NUMBERS}
+    refuse_unknown(changes, (*by_name, "law"), "parameter")
     for name, value in changes.items():
-        if name not in by_name:
-            raise InvalidInput(
-                f"{name!r} is no parameter; the parameters are {', '.join(by_name)}, law"
-            )
         values[name] = _checked(by_name[name], value)
     found = Points(**values, law=law)
     try:
