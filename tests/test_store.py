@@ -9,7 +9,7 @@ import pyvista as pv
 
 from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
 from amoeboid.observables import observed, retrograde_flow
-from amoeboid.simulation import evolve, model_of, start
+from amoeboid.simulation import evolve, start
 from amoeboid.store import (
     COLUMNS,
     new_folder,
@@ -30,18 +30,18 @@ CONFIG = Config(
 
 
 def run_into(folder, config=CONFIG, stop_after=None):
-    model, step = start(config)
-    run = new_run(new_folder(folder), config, model)
+    step = start(config)
+    run = new_run(new_folder(folder), config)
     run.append(step)
     run.save(step)
-    for step in evolve(model, step, config.time):
+    for step in evolve(step, config.time):
         run.append(step)
         if run.frame_due(step) or step.ended:
             run.save(step)
         if step.number == stop_after:
             run.save(step)
             break
-    return model, run, step
+    return step.model, run, step
 
 
 def test_frames_open_in_pyvista_with_all_fields(tmp_path):
@@ -96,11 +96,10 @@ def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
     run_into(tmp_path / "halves", config, stop_after=12)
     config = stored_config(tmp_path / "halves")
     assert config == resolved(replace(CONFIG, time=Time(end=2.0, tolerance=1e-4)))
-    model = model_of(config)
-    run, step = resumed_run(tmp_path / "halves", config, model)
+    run, step = resumed_run(tmp_path / "halves", config)
     assert step.number == 12
     assert [row["step"] for row in run.rows] == list(range(13))
-    for step in evolve(model, step, config.time):
+    for step in evolve(step, config.time):
         run.append(step)
     assert step.number == whole.number
     assert np.array_equal(step.state.r, whole.state.r)
@@ -115,18 +114,18 @@ def test_rows_beyond_the_checkpoint_are_dropped(tmp_path):
     rows = table.read_text().splitlines()
     extra = ",".join(["4", *rows[-1].split(",")[1:]])
     table.write_text("\n".join([*rows, extra]) + "\n")
-    resumed, _ = resumed_run(run.folder, run.config, run.model)
+    resumed, _ = resumed_run(run.folder, run.config)
     assert [row["step"] for row in resumed.rows] == [0, 1, 2, 3]
     table.write_text("\n".join(rows[:-1]) + "\n")
     with pytest.raises(InvalidInput, match="lacks step 3"):
-        resumed_run(run.folder, run.config, run.model)
+        resumed_run(run.folder, run.config)
 
 
 def test_a_changed_configuration_cannot_be_resumed(tmp_path):
     _, run, _ = run_into(tmp_path / "run", stop_after=2)
     other = replace(run.config, parameters=run.config.parameters.replace(D=0.7))
     with pytest.raises(InvalidInput, match=r"keeps \[parameters\]"):
-        resumed_run(run.folder, other, model_of(other))
+        resumed_run(run.folder, other)
 
 
 def test_a_checkpoint_with_nan_is_refused(tmp_path):
@@ -137,7 +136,7 @@ def test_a_checkpoint_with_nan_is_refused(tmp_path):
     arrays["state_c"][3] = np.nan
     np.savez(path, **arrays)
     with pytest.raises(InvalidInput, match="not finite"):
-        resumed_run(run.folder, run.config, run.model)
+        resumed_run(run.folder, run.config)
 
 
 def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -177,16 +176,15 @@ def test_default_folders_are_numbered(tmp_path, monkeypatch):
 def test_what_cannot_be_resumed_is_refused(tmp_path):
     with pytest.raises(InvalidInput, match=r"config\.toml"):
         stored_config(tmp_path)
-    model = model_of(CONFIG)
     with pytest.raises(InvalidInput, match="checkpoint"):
-        resumed_run(tmp_path, CONFIG, model)
+        resumed_run(tmp_path, CONFIG)
     _, run, _ = run_into(tmp_path / "run", stop_after=2)
     other = replace(CONFIG, mesh=Mesh(subdivisions=2))
     with pytest.raises(InvalidInput, match="42 nodes, the mesh of the run 162"):
-        resumed_run(run.folder, other, model_of(other))
+        resumed_run(run.folder, other)
     (run.folder / "checkpoint.npz").write_bytes(b"PK\x03\x04 no archive")
     with pytest.raises(InvalidInput, match="cannot be read"):
-        resumed_run(run.folder, CONFIG, model)
+        resumed_run(run.folder, CONFIG)
 
 
 def test_no_pickle_is_ever_loaded(tmp_path):
@@ -197,7 +195,7 @@ def test_no_pickle_is_ever_loaded(tmp_path):
     arrays["frame_names"] = np.array([object()], dtype=object)
     np.savez(path, **arrays)
     with pytest.raises(InvalidInput, match="cannot be read"):
-        resumed_run(run.folder, CONFIG, run.model)
+        resumed_run(run.folder, CONFIG)
 
 
 def test_frame_names_from_a_file_never_leave_the_folder(tmp_path):
@@ -208,7 +206,7 @@ def test_frame_names_from_a_file_never_leave_the_folder(tmp_path):
     arrays["frame_names"] = np.array(["../../outside.vtp"] * len(arrays["frame_names"]))
     np.savez(path, **arrays)
     with pytest.raises(InvalidInput, match="frame name"):
-        resumed_run(run.folder, CONFIG, run.model)
+        resumed_run(run.folder, CONFIG)
 
 
 def test_collection_is_well_formed(tmp_path):

@@ -12,11 +12,12 @@ import numpy as np
 
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
+from amoeboid.numerics.multistep import error_share, extrapolated
 from amoeboid.surface.geometry import geometry, volume_centroid
 from amoeboid.surface.initial import perturbed, sphere
-from amoeboid.surface.mesh import connectivity, icosphere
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
+from amoeboid.surface.remeshing import remeshed
+from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import growth_rate
 from amoeboid.validation import InvalidInput
@@ -24,6 +25,7 @@ from amoeboid.validation import InvalidInput
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 SHORTEST_STEP = 1e-7
 STEADY = 1e-5  # relative change within 1 / model.rate that counts as none
+KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 
 
@@ -31,15 +33,17 @@ SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
-    `rate` is the largest relative rate of change of shape and concentration in units of
-    model.rate; `steady` if it vanishes and does not grow, as it does at the slow start of an
-    instability; `ended` says why the run ends here, None if it goes on.
+    `model` may have another mesh than that of the step before; `history`: the state and those
+    before it that the next step needs, newest first; `rate` is the largest relative rate of change
+    of shape and concentration in units of model.rate; `steady` if it vanishes and does not grow,
+    as it does at the slow start of an instability; `ended` says why the run ends here, None if it
+    goes on.
     """
 
     number: int
-    state: State
+    model: Model
+    history: tuple[State, ...]
     flow: Flow
-    previous: State | None
     next_dt: float
     rejected: int
     rate: float
@@ -47,9 +51,14 @@ class Step:
     ended: str | None = None
 
     @property
+    def state(self) -> State:
+        """The state that the step led to."""
+        return self.history[0]
+
+    @property
     def dt(self) -> float:
         """Length of the step [T]; 0 for an initial state."""
-        return 0.0 if self.previous is None else self.state.t - self.previous.t
+        return 0.0 if len(self.history) == 1 else self.state.t - self.history[1].t
 
 
 Event = Callable[[Step], str | None]
@@ -59,8 +68,8 @@ class Diverged(ArithmeticError):
     """The run cannot go on; the steps yielded before it are good."""
 
 
-def start(config: Config) -> tuple[Model, Step]:
-    """The model and the initial step of a configuration.
+def start(config: Config) -> Step:
+    """The initial step of a configuration.
 
     Raises InvalidInput, also for parameters so extreme that not even the initial state exists.
     """
@@ -74,31 +83,25 @@ def start(config: Config) -> tuple[Model, Step]:
         ) from None
 
 
-def _started(config: Config) -> tuple[Model, Step]:
+def _started(config: Config) -> Step:
     model, rest = sphere(config.parameters, config.mesh.subdivisions)
     state = perturbed(model, rest, config.initial)
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
     rate, steady = _rate(model, state, flow)
-    return model, Step(0, state, flow, None, dt / max(1.0, rate), 0, rate, steady)
+    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate, steady)
 
 
-def model_of(config: Config) -> Model:
-    """The model of a configuration, without an initial state: what a resumed run needs."""
-    faces = icosphere(config.mesh.subdivisions)[1]
-    return Model(config.parameters, connectivity(faces))
-
-
-def evolve(model: Model, first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
+def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
     """Yield the steps after `first` until one of them has `ended` set.
 
     A run continued from any step goes on exactly as the uninterrupted one. Raises Diverged if no
     step, however short, can be made.
     """
-    time = resolved(Config(parameters=model.parameters, time=time)).time
+    time = resolved(Config(parameters=first.model.parameters, time=time)).time
     step = first
     while step.state.t < time.end:
-        step = _next(model, step, time)
+        step = _next(step, time)
         step = _ended(step, time, events)
         yield step
         if step.ended:
@@ -114,8 +117,10 @@ def _ended(step: Step, time: Time, events: Sequence[Event]) -> Step:
     return replace(step, ended=reasons[0]) if reasons else step
 
 
-def _next(model: Model, step: Step, time: Time) -> Step:
+def _next(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
+    model, past = remeshed(step.model, step.history)
+    flow_before = step.flow if model is step.model else None
     dt, rejected = min(step.next_dt, time.max_step), step.rejected
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
@@ -123,14 +128,15 @@ def _next(model: Model, step: Step, time: Time) -> Step:
         # do not leave a sliver for the last step
         length = remaining if dt > 0.999 * remaining else dt
         try:
-            state, flow = semi_implicit_step(model, step.state, length)
+            state, flow = semi_implicit_step(model, past, length, flow_before)
         except (StepFailed, SingularMatrix) as error:
             why = str(error)
             dt, rejected = 0.3 * length, rejected + 1
             continue
-        error_estimate = _error(model, step, state)
+        error_estimate = _error(model, past, state, flow)
+        order = 2 if len(past) > 2 else 1
         factor = np.clip(
-            SAFETY * np.sqrt(time.tolerance / max(error_estimate, 1e-300)),
+            SAFETY * (time.tolerance / max(error_estimate, 1e-300)) ** (1 / (order + 1)),
             MOST_SHRINKING,
             MOST_GROWTH,
         )
@@ -143,22 +149,23 @@ def _next(model: Model, step: Step, time: Time) -> Step:
         next_dt = max(grown, dt) if length < dt else grown
         rate, still = _rate(model, state, flow)
         steady = still and rate <= step.rate
-        return Step(step.number + 1, state, flow, step.state, next_dt, rejected, rate, steady)
+        history = (state, *past[: KEPT - 1])
+        return Step(step.number + 1, model, history, flow, next_dt, rejected, rate, steady)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
 
 
-def _error(model: Model, step: Step, new: State) -> float:
-    """Local error of c and r, relative to c0 + |c| and R0, from the change of their rates.
+def _error(model: Model, history: Sequence[State], new: State, flow: Flow) -> float:
+    """Local error of c and of the shape, relative to c0 + |c| and R0.
 
-    For a first-order step it is (dt^2/2) times the second derivative.
+    From the distance to the extrapolated past; nodes that move within the surface make no error.
     """
-    p, now, before = model.parameters, step.state, step.previous
-    if before is None:
+    if len(history) == 1:
         return 0.0
-    ratio = (new.t - now.t) / (now.t - before.t)
-    c_error = np.abs((new.c - now.c) - ratio * (now.c - before.c)) / (p.c0 + np.abs(new.c))
-    r_error = np.abs((new.r - now.r) - ratio * (now.r - before.r)) / p.R0
-    return 0.5 * float(max(c_error.max(), r_error.max()))
+    times = [state.t for state in history]
+    c_ahead = extrapolated(times, [state.c for state in history], new.t)
+    r_ahead = extrapolated(times, [state.r for state in history], new.t)
+    distance = difference(model, (new.r, new.c), (r_ahead, c_ahead), flow.normals)
+    return error_share(times, new.t) * distance
 
 
 def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
 from amoeboid.simulation import Step
+from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.validation import InvalidInput
 
@@ -74,10 +75,9 @@ def text_of(path: Path) -> str:
 class Run:
     """A run's folder, open for appending. Made by `new_run` or `resumed_run`."""
 
-    def __init__(self, folder: Path, config: Config, model: Model) -> None:
+    def __init__(self, folder: Path, config: Config) -> None:
         self.folder = folder
         self.config = resolved(config)
-        self.model = model
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
 
@@ -96,7 +96,7 @@ class Run:
             "rejected": step.rejected,
             "rate": step.rate,
             **position,
-            **observed(self.model, step.state, step.flow),
+            **observed(step.model, step.state, step.flow),
         }
         self.rows.append(row)
         return row
@@ -111,7 +111,7 @@ class Run:
         """Write frame, time series and checkpoint of the latest step."""
         name = f"frame_{len(self.frame_times):05d}.vtp"
         (self.folder / "frames").mkdir(exist_ok=True)
-        write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, self.model, step))
+        write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, step))
         self.frame_times.append((step.state.t, name))
         write_text(self.folder / "frames.pvd", _collection(self.frame_times))
         write_text(self.folder / "timeseries.csv", _table(self.rows))
@@ -165,9 +165,9 @@ def _numbered_folder() -> Path:
     return Path(name)
 
 
-def new_run(folder: Path, config: Config, model: Model) -> Run:
+def new_run(folder: Path, config: Config) -> Run:
     """Start a run in an empty folder."""
-    run = Run(folder, config, model)
+    run = Run(folder, config)
     run.begin()
     return run
 
@@ -182,7 +182,7 @@ def stored_config(folder: Path) -> Config:
     return config_from_toml(text_of(path))
 
 
-def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
+def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     """A stored run, ready to go on, and the step it stopped at; writes nothing.
 
     Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
@@ -191,7 +191,7 @@ def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
     if not path.is_file():
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
     try:
-        made_with, step, frame_times = _read_checkpoint(path, model)
+        made_with, step, frame_times = _read_checkpoint(path)
         rows = _read_table(folder / "timeseries.csv", step.number)
     except (OSError, ValueError, KeyError, BadZipFile) as error:
         raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
@@ -201,12 +201,12 @@ def resumed_run(folder: Path, config: Config, model: Model) -> tuple[Run, Step]:
                 f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
                 "start a new run for the rest"
             )
-    run = Run(folder, config, model)
+    run = Run(folder, config)
     run.rows, run.frame_times = rows, frame_times
     return run, step
 
 
-def write_frame(path: Path, model: Model, step: Step) -> None:
+def write_frame(path: Path, step: Step) -> None:
     """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields.
 
     Fields: c, v_p, v_c, v (frame of the nodes), retrograde_flow (frame of the cell), normal.
@@ -216,7 +216,7 @@ def write_frame(path: Path, model: Model, step: Step) -> None:
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    state, flow, faces = step.state, step.flow, model.mesh.faces
+    state, flow, faces = step.state, step.flow, step.model.mesh.faces
     surface = vtkPolyData()
     points = vtkPoints()
     points.SetData(numpy_to_vtk(state.r, deep=True))
@@ -230,7 +230,7 @@ def write_frame(path: Path, model: Model, step: Step) -> None:
         "v_p": flow.v_p,
         "v_c": flow.v_c,
         "v": flow.v,
-        "retrograde_flow": retrograde_flow(model, state, flow),
+        "retrograde_flow": retrograde_flow(step.model, state, flow),
         "normal": flow.normals,
     }
     for name, values in fields.items():
@@ -295,8 +295,9 @@ def _write_checkpoint(path: Path, run: Run, step: Step) -> None:
         "steady": np.array(step.steady),
         "frame_times": np.array([t for t, _ in run.frame_times]),
         "frame_names": np.array([name for _, name in run.frame_times]),
-        **_packed("state", step.state),
-        **({} if step.previous is None else _packed("previous", step.previous)),
+        "faces": step.model.mesh.faces,
+        "edge_length": np.array(step.model.edge_length),
+        **_packed(step.history),
         "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
         "flow_areas": step.flow.node_areas,
         "flow_zeta0": np.array(step.flow.zeta0),
@@ -305,39 +306,42 @@ def _write_checkpoint(path: Path, run: Run, step: Step) -> None:
         np.savez(file, allow_pickle=False, **arrays)
 
 
-def _packed(name: str, state: State) -> dict[str, Array]:
+def _packed(history: tuple[State, ...]) -> dict[str, Array]:
     return {
-        f"{name}_r": state.r,
-        f"{name}_c": state.c,
-        f"{name}_scalars": np.array([state.t, state.zeta0]),
-        f"{name}_position": state.position,
+        "history_r": np.stack([s.r for s in history]),
+        "history_c": np.stack([s.c for s in history]),
+        "history_scalars": np.array([(s.t, s.zeta0) for s in history]),
+        "history_position": np.stack([s.position for s in history]),
     }
 
 
-def _unpacked(name: str, data: Any, n_nodes: int) -> State:
-    t, zeta0 = data[f"{name}_scalars"]
-    r, c = data[f"{name}_r"], data[f"{name}_c"]
-    if r.shape != (n_nodes, 3) or c.shape != (n_nodes,):
-        raise ValueError(f"the checkpoint has {len(c)} nodes, the mesh of the run {n_nodes}")
-    if not (np.isfinite([t, zeta0]).all() and np.isfinite(r).all() and c.min() >= 0):
+def _unpacked(data: Any, n_nodes: int) -> tuple[State, ...]:
+    scalars, positions = data["history_scalars"], data["history_position"]
+    r, c = data["history_r"], data["history_c"]
+    if len(r) == 0 or r.shape[1:] != (n_nodes, 3) or c.shape != r.shape[:2]:
+        raise ValueError(f"the checkpoint has arrays of shape {r.shape} for {n_nodes} nodes")
+    if not (np.isfinite(scalars).all() and np.isfinite(r).all() and c.min() >= 0):
         raise ValueError("the checkpoint holds values that are not finite, or negative c")
-    return State(float(t), r, c, float(zeta0), data[f"{name}_position"])
+    return tuple(
+        State(float(t), r[k], c[k], float(zeta0), positions[k])
+        for k, (t, zeta0) in enumerate(scalars)
+    )
 
 
-def _read_checkpoint(path: Path, model: Model) -> tuple[Config, Step, list[tuple[float, str]]]:
+def _read_checkpoint(path: Path) -> tuple[Config, Step, list[tuple[float, str]]]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-        n = model.mesh.n_nodes
         made_with = config_from_toml(str(data["config"]))
+        mesh, edge_length = connectivity(data["faces"]), float(data["edge_length"])
+        history = _unpacked(data, mesh.n_nodes)
         v_c, v_p, normals = data["flow_vectors"]
         flow = Flow(v_c, v_p, float(data["flow_zeta0"]), normals, data["flow_areas"])
         number, rejected = (int(x) for x in data["step"])
         next_dt, rate = (float(x) for x in data["numbers"])
-        previous = _unpacked("previous", data, n) if "previous_r" in data else None
-        state = _unpacked("state", data, n)
         names = [str(x) for x in data["frame_names"]]
         times = [float(x) for x in data["frame_times"]]
         steady = bool(data["steady"])
     if not all(_FRAME_NAME.fullmatch(name) for name in names):
         raise ValueError("a frame name in the checkpoint is not one of this program's")
-    step = Step(number, state, flow, previous, next_dt, rejected, rate, steady)
+    model = Model(made_with.parameters, mesh, edge_length)
+    step = Step(number, model, history, flow, next_dt, rejected, rate, steady)
     return made_with, step, list(zip(times, names, strict=True))

@@ -22,7 +22,7 @@ def test_without_turnover_no_filament_is_lost(seed, dt):
     rng = np.random.default_rng(seed)
     model = Model(Parameters(beta=0, D=0.1), mesh)
     g, c = geometry(r, mesh.faces), rng.uniform(0.1, 5.0, len(r))
-    new = transported(model, filaments(c, g), g, rng.normal(size=r.shape), dt)
+    new = transported(model, filaments(c, g), g, rng.normal(size=r.shape), dt, c)
     before, after = filaments(c, g).sum(), filaments(new, g).sum()
     assert after == pytest.approx(before, rel=1e-12, abs=1e-12 * np.abs(filaments(new, g)).sum())
 
@@ -40,7 +40,7 @@ def test_concentration_never_becomes_negative(seed, dt, D, speed):
     model = Model(Parameters(beta=0, D=D), mesh)
     g = geometry(r, mesh.faces)
     c = rng.uniform(0, 5, len(r)) * (rng.uniform(size=len(r)) < 0.2)
-    new = transported(model, filaments(c, g), g, speed * rng.normal(size=r.shape), dt)
+    new = transported(model, filaments(c, g), g, speed * rng.normal(size=r.shape), dt, c)
     assert new.min() >= -1e-13 * new.max()
     assert filaments(new, g).sum() == pytest.approx(filaments(c, g).sum(), rel=1e-12)
 
@@ -56,7 +56,7 @@ def test_flux_correction_leaves_resolved_transport_alone_and_bounds_the_rest():
         assert added_diffusion(entries, model).any() == (D == 0.005)
         c = np.full(len(r), 3.0)
         for _ in range(300):
-            c = transported(model, filaments(c, g), g, v, 0.1)
+            c = transported(model, filaments(c, g), g, v, 0.1, c)
         steady[D] = c
         # a state that the step keeps has no rate of change, with or without correction
         assert np.abs(rate_of_change(model, c, g, v)).max() < 1e-4 * c.max()
@@ -81,7 +81,7 @@ def test_homogeneous_state_does_not_change_without_flow():
     model = Model(Parameters(), mesh)
     g = geometry(r, mesh.faces)
     c = np.full(len(r), model.parameters.c0)
-    new = transported(model, filaments(c, g), g, np.zeros_like(r), 0.7)
+    new = transported(model, filaments(c, g), g, np.zeros_like(r), 0.7, c)
     np.testing.assert_allclose(new, c, rtol=1e-13)
 
 
@@ -118,5 +118,5 @@ def test_turnover_alone_is_implicit_euler():
     p = Parameters(D=0, beta=2.0, c0=3.0)
     g = geometry(r, mesh.faces)
     c = np.random.default_rng(0).uniform(1, 5, len(r))
-    new = transported(Model(p, mesh), filaments(c, g), g, np.zeros_like(r), 0.1)
+    new = transported(Model(p, mesh), filaments(c, g), g, np.zeros_like(r), 0.1, c)
     np.testing.assert_allclose(new, (c + 0.1 * 2.0 * 3.0) / (1 + 0.1 * 2.0), rtol=1e-13)

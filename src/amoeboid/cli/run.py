@@ -18,7 +18,6 @@ from amoeboid.validation import InvalidInput
 if TYPE_CHECKING:
     from amoeboid.simulation import Step
     from amoeboid.store import Run
-    from amoeboid.surface.model import Model
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
@@ -65,8 +64,8 @@ def execute(args: argparse.Namespace) -> int:
     if args.resume is not None and (args.config is not None or args.output is not None):
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
-    model, run, first = _resumed(args) if args.resume is not None else _started(args)
-    last, status, why = _simulate(model, run, first)
+    run, first = _resumed(args) if args.resume is not None else _started(args)
+    last, status, why = _simulate(run, first)
     wall_s = time.perf_counter() - began
 
     # the latest row is that of `last`: rows are appended step by step
@@ -78,7 +77,7 @@ def execute(args: argparse.Namespace) -> int:
         "output": str(run.folder),
     }
     run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
-    _draw(model, run, last)
+    _draw(run, last)
     if status != "finished":
         print(f"amoeboid run: {status}: {why}", file=sys.stderr)
         print(f"amoeboid run: the last good state is in {run.folder}", file=sys.stderr)
@@ -89,7 +88,7 @@ def execute(args: argparse.Namespace) -> int:
     return EXIT_CODES[status]
 
 
-def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:
+def _started(args: argparse.Namespace) -> tuple[Run, Step]:
     from amoeboid.simulation import start
     from amoeboid.store import new_folder, new_run, text_of
 
@@ -97,20 +96,18 @@ def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:
     if args.config is not None:
         config = config_from_toml(text_of(args.config))
     config = with_settings(config, args.settings)
-    model, first = start(config)
-    run = new_run(new_folder(args.output), config, model)
+    first = start(config)
+    run = new_run(new_folder(args.output), config)
     run.append(first)
     run.save(first)
-    return model, run, first
+    return run, first
 
 
-def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
-    from amoeboid.simulation import model_of
+def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
     from amoeboid.store import resumed_run, stored_config
 
     config = with_settings(stored_config(args.resume), args.settings)
-    model = model_of(config)
-    run, first = resumed_run(args.resume, config, model)
+    run, first = resumed_run(args.resume, config)
     if first.steady and config.time.stop_when_steady:
         raise InvalidInput(
             f"the run in {str(args.resume)!r} has ended steady at t = {first.state.t:g}; "
@@ -122,17 +119,17 @@ def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
             "to go on, --set time.end to a later time"
         )
     run.begin()
-    return model, run, first
+    return run, first
 
 
-def _simulate(model: Model, run: Run, first: Step) -> tuple[Step, str, str]:
+def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
     """Step until the end; returns the last good step, the status and why it ended."""
     from amoeboid.simulation import Diverged, evolve
 
     last, status, why = first, "finished", ""
     try:
         with _interruptible() as interruption, _progress(run) as report:
-            for step in evolve(model, first, run.config.time, [interruption]):
+            for step in evolve(first, run.config.time, [interruption]):
                 last, why = step, step.ended or ""
                 report(run.append(step))
                 if run.frame_due(step):
@@ -205,11 +202,11 @@ def _progress(run: Run) -> Iterator[Any]:
         yield report
 
 
-def _draw(model: Model, run: Run, last: Step) -> None:
+def _draw(run: Run, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
 
     try:
-        save_cell_picture(run.folder / "cell.png", model, last)
+        save_cell_picture(run.folder / "cell.png", last)
     except (RuntimeError, OSError) as error:
         print(f"amoeboid run: no picture, rendering failed: {error}", file=sys.stderr)
 

@@ -12,7 +12,6 @@ from amoeboid.observables import max_retrograde_speed, polarization, retrograde_
 from amoeboid.simulation import Step
 from amoeboid.store import write_atomically
 from amoeboid.surface.geometry import volume_centroid
-from amoeboid.surface.model import Model
 
 Array = NDArray[np.float64]
 
@@ -23,7 +22,7 @@ WINDOW = (1500, 1100)
 LEAST_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
 
 
-def save_cell_picture(path: Path, model: Model, step: Step) -> None:
+def save_cell_picture(path: Path, step: Step) -> None:
     """Render the cell of `step` to a PNG file: migration to the left, seen from the side."""
     import pyvista as pv
     from vtkmodules.vtkCommonCore import vtkLogger
@@ -33,18 +32,19 @@ def save_cell_picture(path: Path, model: Model, step: Step) -> None:
     plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
     try:
         plotter.set_background("white")
-        _add_cell(plotter, model, step)
+        _add_cell(plotter, step)
         write_atomically(path, lambda p: plotter.screenshot(str(p), return_img=False))
     finally:
         plotter.close()
 
 
-def _add_cell(plotter: Any, model: Model, step: Step) -> None:
+def _add_cell(plotter: Any, step: Step) -> None:
     import pyvista as pv
 
-    state, flow, R0 = step.state, step.flow, model.parameters.R0
+    model, state, flow = step.model, step.state, step.flow
+    R0 = model.parameters.R0
     center = volume_centroid(state.r, model.mesh.faces)
-    rear, side = _view_axes(model, step)
+    rear, side = _view_axes(step)
     surface = pv.PolyData.from_regular_faces(state.r - center, model.mesh.faces)
     surface.point_data["c"] = state.c
     bar: dict[str, Any] = {
@@ -113,9 +113,9 @@ def _color_limits(c: Array, c0: float) -> tuple[float, float]:
     return low, high
 
 
-def _view_axes(model: Model, step: Step) -> tuple[Array, Array]:
+def _view_axes(step: Step) -> tuple[Array, Array]:
     """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
-    vector = polarization(model, step.state)
+    vector = polarization(step.model, step.state)
     size = np.linalg.norm(vector)
     rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])
     helper = np.eye(3)[np.argmin(np.abs(rear))]

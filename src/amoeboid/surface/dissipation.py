@@ -45,3 +45,37 @@ def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b)
                             + eta_s * overlap * tangent
                         )
     return blocks
+
+
+def viscous_stress(g: Geometry, mesh: Connectivity, v: Array, eta_s: float, eta_b: float) -> Array:
+    """Stress of the cortex on each triangle (F, 3, 3) [M/T^2] for node velocities v (V, 3).
+
+    eta_b (tr e) P + 2 eta_s e, with the strain rate e of `dissipation_blocks` and P the projector
+    on the triangle; minus the derivative of the dissipation function.
+    """
+    return _viscous_stress(g.face_normals, g.gradients, mesh.faces, v, eta_s, eta_b)
+
+
+@compiled
+def _viscous_stress(normals, gradients, faces, v, eta_s, eta_b):  # type: ignore[no-untyped-def]
+    stress = np.zeros((faces.shape[0], 3, 3))
+    slope = np.empty((3, 3))
+    for f in range(faces.shape[0]):
+        n = normals[f]
+        for p in range(3):
+            along = 0.0
+            for d in range(3):
+                slope[p, d] = 0.0
+            for a in range(3):
+                for d in range(3):
+                    slope[p, d] += gradients[f, a, p] * v[faces[f, a], d]
+            for d in range(3):
+                along += slope[p, d] * n[d]
+            for d in range(3):
+                slope[p, d] -= along * n[d]
+        trace = slope[0, 0] + slope[1, 1] + slope[2, 2]
+        for p in range(3):
+            for q in range(3):
+                stress[f, p, q] = eta_s * (slope[p, q] + slope[q, p]) - eta_b * trace * n[p] * n[q]
+            stress[f, p, p] += eta_b * trace
+    return stress

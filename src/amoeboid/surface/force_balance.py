@@ -6,7 +6,11 @@ matrix. Two things make a long time step stable and keep the flow clean:
 *Implicit tension.* A shape that moves by dt v_n changes its tension force by about
 -dt zeta0 L v_n, L the stiffness matrix. Added to K for the normal motion only, it damps the stiff
 shape modes (rate delta_P R0/eta_s); on the tangential motion it would be a false viscosity. It
-vanishes in a steady state, and it fixes the translation: the frame moves with the cell.
+acts on what the step moves the shape beyond where it was expected, and vanishes in a steady state.
+
+*Normal viscosity.* Where the Gaussian curvature is negative, a membrane offers next to no viscous
+resistance to some changes of its shape. A small share of the viscosity that resists gradients of
+v.n keeps them finite. It vanishes in a steady state, where v.n = 0.
 
 *Normal tension.* Tension and pressure depend on the shape alone, so that moving nodes within the
 surface must do no work. The exact dA/dr of a polyhedron has a tangential part, a discretization
@@ -20,24 +24,34 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.numerics.banded import Factor
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
     normal_part,
+    volume_centroid,
     volume_gradient,
     weighted_area_gradient,
 )
+from amoeboid.surface.mesh import Index
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import block_matrix, normal_blocks, stiffness
+from amoeboid.surface.operators import (
+    block_matrix,
+    normal_blocks,
+    normal_projection,
+    scalar_matrix,
+    stiffness,
+    tensile_stiffness,
+)
 
 Array = NDArray[np.float64]
 
 # Rigid modes have no stiffness; this share of the viscous one makes the matrix regular. The
-# constraint of zero rotation then removes what little it does.
+# constraints on translation and rotation then remove what little it does.
 REGULARIZATION = 1e-8
-# Least implicit tension, in viscosity / time step: it fixes the frame where there is no tension.
-LEAST_TENSION = 1e-3
+# Share of eta_s + eta_b that resists gradients of v.n: see above.
+NORMAL_VISCOSITY = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,46 +70,106 @@ class TensionFlow:
         return self.rest + zeta0 * self.slope
 
 
-def force_balance(
-    model: Model, r: Array, g: Geometry, c: Array, dt: float, zeta0: float
-) -> TensionFlow:
-    """Solve the force balance for concentration c; `zeta0` enters the implicit term only.
+@dataclass(frozen=True, eq=False)
+class Cortex:
+    """The factorized operator of the force balance on one shape, for time steps dt.
 
-    r (V, 3), c (V,), dt > 0. Main text, force balance below `vp`; SI `forcebalance2`.
-    Raises SingularMatrix if the shape has degenerated, InvalidInput where v_p(c) is not defined.
+    On the pattern of the mesh: `dissipation` (P, 3, 3) the blocks of K, `tension` and `damping`
+    (P,) the implicit tension and the normal viscosity, along `normals` (V, 3). `rigid` (3V, 6): the
+    response to unit rigid forces per area, which keep the constraints.
+    """
+
+    dt: float
+    dissipation: Array
+    tension: Array
+    damping: Array
+    normals: Array
+    factor: Factor
+    rigid: Array
+
+
+def cortex(
+    model: Model, r: Array, g: Geometry, dt: float, zeta0: float, v_c: Array | None = None
+) -> Cortex:
+    """Assemble and factorize on the shape r (V, 3) for a step dt > 0.
+
+    `zeta0` and `v_c` (V, 3; None: 0) are estimates of tension and flow, for the implicit tension.
+    Raises SingularMatrix if the shape has degenerated.
     """
     p, mesh = model.parameters, model.mesh
-    v_p = p.v_p(c)[:, None] * g.normals
     viscosity = p.eta_s + p.eta_b
-    tension = max(zeta0, LEAST_TENSION * viscosity / dt)
-    implicit = dt * tension * normal_blocks(stiffness(g, mesh), g.normals, mesh)
-
-    matrix = dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + implicit
+    stress = zeta0 * np.broadcast_to(np.eye(3), (len(mesh.faces), 3, 3))
+    if v_c is not None:
+        stress = stress + viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+    tension = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
+    dissipation = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
+    even = NORMAL_VISCOSITY * viscosity * stiffness(g, mesh)
+    damping = normal_projection(even, g.normals, mesh)
+    matrix = dissipation + normal_blocks(damping + dt * tension, g.normals, mesh)
     shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
     matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
     factor = model.vector_band.factor(matrix)
+    rigid = factor.solve(_per_area(rigid_motions(r, g), g))
+    return Cortex(dt, dissipation, tension, damping, g.normals, factor, rigid)
 
+
+def force_balance(
+    model: Model,
+    near: Cortex,
+    r: Array,
+    g: Geometry,
+    c: Array,
+    ahead: Array | None = None,
+    v_c: Array | None = None,
+) -> TensionFlow:
+    """Solve the force balance on the shape r (V, 3) with concentration c (V,), with one `near` it.
+
+    The frame follows the cell. `ahead` (V, 3): what r is ahead of the known part of the step
+    (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c` (V, 3): an estimate
+    of the solution; with it the viscosity is that of r itself up to the error of the estimate,
+    without it that of `near`. Main text, force balance below `vp`; SI `forcebalance2`. Raises InvalidInput where
+    v_p(c) is not defined.
+    """
+    p, mesh = model.parameters, model.mesh
+    v_p = p.v_p(c)[:, None] * g.normals
     force = p.delta_P * volume_gradient(r, mesh.faces)
     if p.alpha > 0:
         # the stress -alpha c I acts like a negative, uneven tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
-    implicit_v_p = (block_matrix(implicit, mesh) @ v_p.ravel()).reshape(-1, 3)
+    v_n = np.einsum("vi,vi->v", v_p, g.normals)
+    if v_c is not None:
+        here = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
+        change = block_matrix(near.dissipation - here, mesh) @ v_c.ravel()
+        force += change.reshape(-1, 3)
+        v_n += np.einsum("vi,vi->v", v_c, g.normals - near.normals)
+    moved = near.dt * v_n
+    if ahead is not None:
+        moved -= np.einsum("vi,vi->v", ahead, g.normals)
+    resisted = scalar_matrix(near.damping, mesh) @ v_n + scalar_matrix(near.tension, mesh) @ moved
+    force -= resisted[:, None] * near.normals
     tension_force = normal_force(area_gradient(g, mesh.faces), r, g)
+    solved = near.factor.solve(np.column_stack([force.ravel(), -tension_force.ravel()]))
 
-    rotations = rigid_motions(r, g)[:, 3:]
-    weight = np.repeat(g.node_areas, 3)[:, None]
-    solved = factor.solve(
-        np.column_stack(
-            [(force - implicit_v_p).ravel(), -tension_force.ravel(), weight * rotations]
-        )
-    )
-    # zero rotation as a constraint: subtract the torques that keep it
-    rotate = solved[:, 2:]
-    torques = np.linalg.solve(
-        rotations.T @ (weight * rotate), rotations.T @ (weight * solved[:, :2])
-    )
-    v_c, slope = ((solved[:, :2] - rotate @ torques).T).reshape(2, -1, 3)
-    return TensionFlow(rest=v_c + v_p, slope=slope, v_p=v_p)
+    # what may not be: drift of the cell by v = v_c + v_p (rows 0-2), rotation of v_c (rows 3-5)
+    rotations = _per_area(rigid_motions(r, g)[:, 3:], g)
+    forbidden = np.column_stack([drift(r, g, mesh.faces), rotations]).T
+    excess = forbidden @ solved
+    excess[:3, 0] += forbidden[:3] @ v_p.ravel()
+    # forces that keep these constraints; they vanish with the time step and the mesh width
+    keep = np.linalg.solve(forbidden @ near.rigid, excess)
+    rest, slope = ((solved - near.rigid @ keep).T).reshape(2, -1, 3)
+    return TensionFlow(rest=rest + v_p, slope=slope, v_p=v_p)
+
+
+def _per_area(columns: Array, g: Geometry) -> Array:
+    return np.repeat(g.node_areas, 3)[:, None] * columns
+
+
+def drift(r: Array, g: Geometry, faces: Index) -> Array:
+    """Columns (3V, 3): their products with a velocity are the volume times that of its center."""
+    x = r - volume_centroid(r, faces)
+    weighted = g.node_areas[:, None] * g.normals
+    return np.asarray(np.einsum("vi,vj->vij", weighted, x).reshape(-1, 3))
 
 
 def normal_force(force: Array, r: Array, g: Geometry) -> Array:
@@ -106,7 +180,7 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     """
     projected = normal_part(force, g.normals)
     rigid = rigid_motions(r, g)
-    weighted = np.repeat(g.node_areas, 3)[:, None] * rigid
+    weighted = _per_area(rigid, g)
     share = np.linalg.solve(rigid.T @ weighted, rigid.T @ projected.ravel())
     return np.asarray(projected - (weighted @ share).reshape(-1, 3))
 

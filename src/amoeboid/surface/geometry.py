@@ -110,12 +110,16 @@ def volume_centroid(r: Array, faces: Index) -> Array:
     return np.asarray(tetrahedra @ (a + b + c) / (4.0 * tetrahedra.sum()))
 
 
-def mesh_quality(r: Array, faces: Index) -> float:
-    """Smallest triangle quality, 4 sqrt(3) area / (sum of squared edges): 1 is equilateral."""
-    corners = r[faces]
+def triangle_quality(corners: Array) -> Array:
+    """4 sqrt(3) area / (sum of squared edges) of triangles (n, 3, 3): 1 is equilateral, (n,)."""
     edges = corners - np.roll(corners, 1, axis=1)
-    areas = np.linalg.norm(face_vectors(r, faces), axis=1)
-    return float((4 * np.sqrt(3) * areas / np.einsum("fai,fai->f", edges, edges)).min())
+    twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
+    return np.asarray(2 * np.sqrt(3) * twice / np.einsum("fai,fai->f", edges, edges))
+
+
+def mesh_quality(r: Array, faces: Index) -> float:
+    """Smallest quality of a triangle."""
+    return float(triangle_quality(r[faces]).min())
 
 
 def weighted_area_gradient(g: Geometry, faces: Index, weights: Array) -> Array:

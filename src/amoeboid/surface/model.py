@@ -18,10 +18,20 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Parameters on a fixed connectivity; holds no solution."""
+    """Parameters on a connectivity; holds no solution.
+
+    `edge_length` [L] is what remeshing aims at: that of equilateral triangles of the area A0, as
+    many as the run began with.
+    """
 
     parameters: Parameters
     mesh: Connectivity
+    edge_length: float = 0.0
+
+    def __post_init__(self) -> None:
+        if self.edge_length == 0.0:
+            even = math.sqrt(4.0 * self.A0 / (math.sqrt(3.0) * len(self.mesh.faces)))
+            object.__setattr__(self, "edge_length", even)
 
     @property
     def A0(self) -> float:

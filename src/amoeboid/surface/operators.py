@@ -34,6 +34,48 @@ def _stiffness(areas, gradients, slots, n_slots):  # type: ignore[no-untyped-def
     return entries
 
 
+def tensile_stiffness(g: Geometry, mesh: Connectivity, stress: Array) -> Array:
+    """Entries (P,) of the stiffness of normal motion under a tangential stress (F, 3, 3).
+
+    (S u)_i is the integral of grad phi_i . stress . grad u, with compression left out: of each
+    stress tensor only what pulls counts, so that the matrix is positive semidefinite.
+    """
+    return _tensile_stiffness(
+        g.face_areas, g.face_normals, g.gradients, mesh.slots, len(mesh.columns), stress
+    )
+
+
+@compiled
+def _tensile_stiffness(areas, normals, gradients, slots, n_slots, stress):  # type: ignore[no-untyped-def]
+    entries = np.zeros(n_slots)
+    for f in range(areas.shape[0]):
+        # tangent basis: along the gradient of corner 0, and across
+        t = gradients[f, 0] / np.sqrt(np.sum(gradients[f, 0] ** 2))
+        s = np.cross(normals[f], t)
+        tt, ts, ss = 0.0, 0.0, 0.0
+        for p in range(3):
+            for q in range(3):
+                tt += t[p] * stress[f, p, q] * t[q]
+                ts += t[p] * stress[f, p, q] * s[q]
+                ss += s[p] * stress[f, p, q] * s[q]
+        mean, half = 0.5 * (tt + ss), 0.5 * (tt - ss)
+        radius = np.sqrt(half * half + ts * ts)
+        high, low = max(mean + radius, 0.0), max(mean - radius, 0.0)
+        if radius > 0.0:
+            even, uneven = 0.5 * (high + low), 0.5 * (high - low) / radius
+            tt, ts, ss = even + uneven * half, uneven * ts, even - uneven * half
+        else:
+            tt, ts, ss = high, 0.0, high
+        for a in range(3):
+            ta, sa = np.sum(t * gradients[f, a]), np.sum(s * gradients[f, a])
+            for b in range(3):
+                tb, sb = np.sum(t * gradients[f, b]), np.sum(s * gradients[f, b])
+                entries[slots[f, a, b]] += areas[f] * (
+                    tt * ta * tb + ts * (ta * sb + sa * tb) + ss * sa * sb
+                )
+    return entries
+
+
 def advection(g: Geometry, mesh: Connectivity, u: Array) -> Array:
     """Entries of the advection matrix C on the pattern of `mesh` (P,), for velocities u (V, 3).
 
@@ -60,11 +102,15 @@ def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-u
     return entries
 
 
+def normal_projection(entries: Array, normals: Array, mesh: Connectivity) -> Array:
+    """Entries (P,) of N^T S N for a scalar matrix S given by `entries`, N the node normals:
+    n_i . (S (n u))_i for a normal motion u."""
+    return np.einsum("pi,pi->p", normals[mesh.rows], normals[mesh.columns]) * entries
+
+
 def normal_blocks(entries: Array, normals: Array, mesh: Connectivity) -> Array:
-    """Blocks of N N^T S N N^T for a scalar matrix S given by `entries`: S on the normal motion."""
-    row_normals, column_normals = normals[mesh.rows], normals[mesh.columns]
-    overlap = np.einsum("pi,pi->p", row_normals, column_normals) * entries
-    return np.asarray(np.einsum("p,pi,pj->pij", overlap, row_normals, column_normals))
+    """Blocks (P, 3, 3) of N S N^T for a scalar matrix S given by `entries`, N the node normals."""
+    return np.asarray(np.einsum("p,pi,pj->pij", entries, normals[mesh.rows], normals[mesh.columns]))
 
 
 def block_matrix(blocks: Array, mesh: Connectivity) -> bsr_array:

@@ -1,19 +1,26 @@
 """One semi-implicit time step: geometry, v_p(c), force balance, shape, concentration.
 
-First order in time. Implicit: tension (on the normal motion), advection, diffusion, turnover;
-explicit: v_p(c), which is no stiffer than the flow itself. The area is exact after every step.
+Second order in time, with steps of any length: backward differences (numerics/multistep.py) for
+shape and concentration. The implicit equations are solved by a simplified Newton iteration from the
+extrapolated past: the viscous operator is factorized once a step, there. Linearized are viscosity,
+tension (on the normal motion), advection, diffusion and turnover. The area is exact after every
+step.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.surface.force_balance import TensionFlow, force_balance
+from amoeboid.numerics.multistep import BackwardDifference, backward_difference, extrapolated
+from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
     area,
     area_gradient,
+    face_vectors,
     geometry,
     mesh_quality,
     normal_part,
@@ -29,9 +36,14 @@ AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
 # A mesh with worse triangles than this (1 is equilateral) is no longer a discretization.
 LEAST_QUALITY = 0.02
-# Share of the way to their resting place that nodes drift in one unit of model.rate, at most half
-# of it in one step.
-MESH_RELAXATION = 2.0
+# Share of the way to their resting place that nodes drift in a time 1/model.rate, and while the
+# shape moves by R0; at most half of it in one step.
+MESH_RELAXATION = 1.0
+MESH_PURSUIT = 4.0
+# The implicit equations are solved once a pass changes no more than this share of the first.
+CONVERGED = 0.05
+NO_CHANGE = 1e-9
+MOST_PASSES = 8
 # Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
 RELAXATION_STEP = 100.0
 # Normal speed, in units of rate R0, of a shape that counts as resting.
@@ -42,33 +54,108 @@ class StepFailed(ArithmeticError):
     """The step could not be made; the message says why. A shorter one may succeed."""
 
 
-def semi_implicit_step(model: Model, state: State, dt: float) -> tuple[State, Flow]:
-    """The state after dt, and the flow that led there. Raises StepFailed, SingularMatrix."""
-    mesh, r = model.mesh, state.r
-    g = geometry(r, mesh.faces)
-    solution = force_balance(model, r, g, state.c, dt, state.zeta0)
-    drift = min(0.5, MESH_RELAXATION * model.rate * dt) * relaxation(r, g, mesh)
-    r_new, zeta0 = _area_preserving_move(model, r + drift, g, solution, dt, state.zeta0)
+def semi_implicit_step(
+    model: Model, history: Sequence[State], dt: float, flow: Flow | None = None
+) -> tuple[State, Flow]:
+    """The state after dt, and the flow that led there.
 
-    v = solution.v(zeta0)
-    mesh_velocity = (r_new - r) / dt
-    g_new = geometry(r_new, mesh.faces)
-    c_new = transported(model, filaments(state.c, g), g_new, v - mesh_velocity, dt)
-    if c_new.min() < -ROUNDING * c_new.max():
-        raise StepFailed(f"the concentration has become negative: {c_new.min():.3g}")
-    c_new = np.maximum(c_new, 0.0)
-    flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
-    new = State(
-        state.t + dt, r_new, c_new, zeta0, state.position + _progress(model, r, r_new, flow, dt)
-    )
-    _check(model, new, g, g_new)
+    `history`: the present state and, if there is one, that of the step before (of more, the rest
+    is not used); from the present state alone the step is of first order. Raises StepFailed,
+    SingularMatrix.
+    """
+    past = history[:2]
+    times, now = [state.t for state in past], past[0]
+    t = now.t + dt
+    scheme = backward_difference(times, t)
+    r_ahead = extrapolated(times, [state.r for state in past], t)
+    c_ahead = np.maximum(extrapolated(times, [state.c for state in past], t), 0.0)
+
+    known = scheme.combined([state.r for state in past])
+    g = geometry(r_ahead, model.mesh.faces)
+    near = cortex(model, r_ahead, g, scheme.dt, now.zeta0, None if flow is None else flow.v_c)
+    start = known + scheme.dt * _mesh_drift(model, past, dt, r_ahead, g)
+
+    r, c, zeta0, v_c, distance = r_ahead, c_ahead, now.zeta0, None, 0.0
+    for _ in range(MOST_PASSES):
+        solution = force_balance(model, near, r, g, c, r - known, v_c)
+        r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
+        v = solution.v(zeta0)
+        flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
+        g_new = geometry(r_new, model.mesh.faces)
+        c_new = _concentration(model, past, scheme, dt, r_new, g_new, v, c)
+        change = difference(model, (r_new, c_new), (r, c), g.normals)
+        r, c, g, v_c = r_new, c_new, g_new, flow.v_c
+        distance = max(distance, change)
+        if change <= max(CONVERGED * distance, NO_CHANGE):
+            break
+    else:
+        raise StepFailed("the implicit equations of the step do not converge")
+    new = State(t, r, c, zeta0, _position(model, past, scheme, r, flow))
+    _check(model, now, new)
     return new, flow
+
+
+def _mesh_drift(model: Model, past: Sequence[State], dt: float, r: Array, g: Geometry) -> Array:
+    """Tangential velocity of the nodes (V, 3): fast enough for what the shape has just done."""
+    rate = MESH_RELAXATION * model.rate
+    if len(past) == 2:
+        elapsed = past[0].t - past[1].t
+        moved = np.abs(np.einsum("vi,vi->v", past[0].r - past[1].r, g.normals)).max()
+        rate += MESH_PURSUIT * float(moved) / (elapsed * model.parameters.R0)
+    return min(rate, 0.5 / dt) * relaxation(r, g, model.mesh)
+
+
+def difference(
+    model: Model, a: tuple[Array, Array], b: tuple[Array, Array], normals: Array
+) -> float:
+    """Largest difference of two pairs (r, c), relative to R0 and c0 + c; nodes that move within
+    the surface make none."""
+    p = model.parameters
+    c = np.abs(a[1] - b[1]) / (p.c0 + np.abs(a[1]))
+    r = np.abs(np.einsum("vi,vi->v", a[0] - b[0], normals)) / p.R0
+    return float(max(c.max(), r.max()))
+
+
+def _concentration(
+    model: Model,
+    past: Sequence[State],
+    scheme: BackwardDifference,
+    dt: float,
+    r: Array,
+    g: Geometry,
+    v: Array,
+    c_ahead: Array,
+) -> Array:
+    """The filament balance over the step. Where second order would make c negative, first order."""
+    faces = model.mesh.faces
+    numbers = [filaments(state.c, geometry(state.r, faces)) for state in past]
+    first_order = backward_difference([past[0].t], past[0].t + dt)
+    for backward in dict.fromkeys((scheme, first_order)):
+        mesh_velocity = (r - backward.combined([state.r for state in past])) / backward.dt
+        stock = backward.combined(numbers)
+        if stock.min() >= 0:
+            c = transported(model, stock, g, v - mesh_velocity, backward.dt, c_ahead)
+            if c.min() >= -ROUNDING * c.max():
+                return np.maximum(c, 0.0)
+    raise StepFailed(f"the concentration has become negative: {c.min():.3g}")
+
+
+def _position(
+    model: Model, past: Sequence[State], scheme: BackwardDifference, r: Array, flow: Flow
+) -> Array:
+    """Where the cell is in the laboratory frame, in which the mean cortex velocity vanishes."""
+    faces = model.mesh.faces
+    frames = [state.position - volume_centroid(state.r, faces) for state in past]
+    mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
+    frame = scheme.combined(frames) - scheme.dt * mean_v_c
+    return np.asarray(frame + volume_centroid(r, faces))
 
 
 def flow_of(model: Model, state: State, dt: float) -> Flow:
     """The flow in `state`, with the tension that keeps the area over the next dt."""
     g = geometry(state.r, model.mesh.faces)
-    solution = force_balance(model, state.r, g, state.c, dt, state.zeta0)
+    near = cortex(model, state.r, g, dt, state.zeta0)
+    solution = force_balance(model, near, state.r, g, state.c)
     _, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
     return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
 
@@ -84,7 +171,8 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
     dt = RELAXATION_STEP / model.rate
     for _ in range(most_steps):
         g = geometry(state.r, model.mesh.faces)
-        solution = force_balance(model, state.r, g, state.c, dt, state.zeta0)
+        near = cortex(model, state.r, g, dt, state.zeta0)
+        solution = force_balance(model, near, state.r, g, state.c)
         moved, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
         change = np.abs(moved - state.r).max() / model.parameters.R0
         state = State(state.t, moved, state.c, zeta0, state.position)
@@ -118,21 +206,14 @@ def _area_preserving_move(
     raise StepFailed("no tension keeps the area over this step")
 
 
-def _progress(model: Model, r: Array, r_new: Array, flow: Flow, dt: float) -> Array:
-    """How far the cell comes in the laboratory frame, where the mean cortex velocity vanishes."""
-    shift = volume_centroid(r_new, model.mesh.faces) - volume_centroid(r, model.mesh.faces)
-    mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
-    return np.asarray(shift - dt * mean_v_c)
-
-
-def _check(model: Model, new: State, g: Geometry, g_new: Geometry) -> None:
+def _check(model: Model, old: State, new: State) -> None:
     if not (np.all(np.isfinite(new.r)) and np.all(np.isfinite(new.c)) and np.isfinite(new.zeta0)):
         raise StepFailed("a node position, concentration or tension is not finite")
-    turned = np.einsum("fi,fi->f", g.face_normals, g_new.face_normals).min()
+    before, after = (face_vectors(state.r, model.mesh.faces) for state in (old, new))
     if mesh_quality(new.r, model.mesh.faces) < LEAST_QUALITY:
         raise StepFailed(
             f"a triangle has degenerated (quality below {LEAST_QUALITY:g}): the cell deforms more "
             "than its mesh can follow; increase mesh.subdivisions or delta_P"
         )
-    if turned <= 0:
+    if np.einsum("fi,fi->f", before, after).min() <= 0:
         raise StepFailed("a triangle has turned over: the surface folds, or its mesh is too coarse")

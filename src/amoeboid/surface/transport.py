@@ -24,17 +24,18 @@ Array = NDArray[np.float64]
 
 
 def transported(
-    model: Model, filaments: Array, g: Geometry, relative_velocity: Array, dt: float
+    model: Model, filaments: Array, g: Geometry, relative_velocity: Array, dt: float, c_ahead: Array
 ) -> Array:
     """Concentration (V,) after an implicit step of length dt that ends on geometry g.
 
     `filaments` (V,) >= 0: numbers m c at the nodes before the step; `relative_velocity` (V, 3): of
-    the filaments against the mesh. The result is >= 0 to rounding. Raises SingularMatrix.
+    the filaments against the mesh; `c_ahead` (V,) >= 0: what c is expected to be, which decides
+    on returned fluxes. The result is >= 0 to rounding. Raises SingularMatrix.
     """
     p, mesh = model.parameters, model.mesh
     entries = dt * (p.D * stiffness(g, mesh) - advection(g, mesh, relative_velocity))
     added = added_diffusion(entries, model)
-    given_back = returned_fluxes(added, filaments / g.node_areas, filaments, model)
+    given_back = returned_fluxes(added, c_ahead, filaments, model)
     entries -= added
     entries[model.diagonal] += _sums(added, model) + g.node_areas * (1.0 + dt * p.beta)
     gained = dt * p.beta * p.c0 * g.node_areas
