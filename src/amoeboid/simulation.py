@@ -13,8 +13,7 @@ import numpy as np
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.geometry import geometry, volume_centroid
-from amoeboid.surface.initial import perturbed, sphere
-from amoeboid.surface.mesh import connectivity, icosphere
+from amoeboid.surface.initial import initial_connectivity, initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
@@ -75,8 +74,7 @@ def start(config: Config) -> tuple[Model, Step]:
 
 
 def _started(config: Config) -> tuple[Model, Step]:
-    model, rest = sphere(config.parameters, config.mesh.subdivisions)
-    state = perturbed(model, rest, config.initial)
+    model, state = initial_state(config)
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
     rate, steady = _rate(model, state, flow)
@@ -85,8 +83,7 @@ def _started(config: Config) -> tuple[Model, Step]:
 
 def model_of(config: Config) -> Model:
     """The model of a configuration, without an initial state: what a resumed run needs."""
-    faces = icosphere(config.mesh.subdivisions)[1]
-    return Model(config.parameters, connectivity(faces))
+    return Model(config.parameters, initial_connectivity(config))
 
 
 def evolve(model: Model, first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:

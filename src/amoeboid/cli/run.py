@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.settings import add_settings, field_table, print_json
-from amoeboid.config import Config, config_from_toml, with_settings
+from amoeboid.config import Config, anchored, config_from_toml, with_settings
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:
 
     config = Config()
     if args.config is not None:
-        config = config_from_toml(text_of(args.config))
+        config = anchored(config_from_toml(text_of(args.config)), args.config.parent)
     config = with_settings(config, args.settings)
     model, first = start(config)
     run = new_run(new_folder(args.output), config, model)
@@ -108,8 +108,9 @@ def _resumed(args: argparse.Namespace) -> tuple[Model, Run, Step]:
     from amoeboid.simulation import model_of
     from amoeboid.store import resumed_run, stored_config
 
-    config = with_settings(stored_config(args.resume), args.settings)
-    model = model_of(config)
+    stored = stored_config(args.resume)
+    model = model_of(anchored(stored, args.resume))
+    config = with_settings(stored, args.settings)
     run, first = resumed_run(args.resume, config, model)
     if first.steady and config.time.stop_when_steady:
         raise InvalidInput(

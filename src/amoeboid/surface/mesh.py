@@ -128,10 +128,16 @@ def _subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
 
 
 def _renumbered(nodes: Array, faces: Index) -> tuple[Array, Index]:
-    n = len(nodes)
+    order, faces = narrow_numbering(faces)
+    return np.ascontiguousarray(nodes[order]), faces
+
+
+def narrow_numbering(faces: Index) -> tuple[Index, Index]:
+    """Reverse Cuthill-McKee: the old numbers of the nodes in their new order (V,), new faces."""
+    n = int(faces.max()) + 1
     i, j = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
-    order = reverse_cuthill_mckee(graph, symmetric_mode=True)
+    order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
     new = np.empty(n, dtype=np.int64)
     new[order] = np.arange(n)
-    return np.ascontiguousarray(nodes[order]), np.ascontiguousarray(new[faces])
+    return order, np.ascontiguousarray(new[faces])
