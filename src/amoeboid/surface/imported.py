@@ -40,7 +40,7 @@ def check_surface(r: Array, faces: Index, name: str) -> None:
     size = np.ptp(r, axis=0).max()
     if not size > 1e-150:
         raise InvalidInput(f"{name} must be larger than a point, its size is {size:g}")
-    r = (r - r.min(axis=0)) / size
+    r = (r - r.min(axis=0)) / 2.0 ** np.frexp(size)[1]
     _check_numbers(r, faces, name)
     _check_edges(faces, name)
     _check_nodes(r, faces, name)
@@ -127,8 +127,8 @@ def _check_topology(n: int, faces: Index, name: str) -> None:
     characteristic = n - len(faces) // 2  # V - E + F with E = 3F/2
     if characteristic != 2:
         raise InvalidInput(
-            f"{name} must be a deformed sphere (Euler characteristic 2), got {characteristic}: "
-            f"{(2 - characteristic) // 2} handles like that of a torus; fill them"
+            f"{name} must be a deformed sphere (Euler characteristic 2), got {characteristic}, "
+            f"handles like that of a torus: {(2 - characteristic) // 2}; close them"
         )
 
 

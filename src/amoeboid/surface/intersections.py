@@ -1,9 +1,10 @@
 """Self-intersection of a triangulation, decided exactly on a fine grid.
 
-Coordinates are rounded to whole numbers below 2^29, a grid of 2e-9 of the size of the surface.
-There the sign of every determinant is found in 64-bit arithmetic without rounding, so flat,
-touching and nearly touching parts are no special risk. Candidates come from sorting the bounding
-boxes along the longest axis of the surface.
+Coordinates are rounded to whole numbers below 2^29, on a grid of 2e-9 to 4e-9 of the size of the
+surface whose spacing is a power of two: short binary fractions stay what they are. There the sign
+of every determinant is found in 64-bit arithmetic without rounding, so that flat, touching and
+nearly touching parts are no special risk. Candidates come from sorting the bounding boxes along
+the longest axis of the surface.
 """
 
 from __future__ import annotations
@@ -25,7 +26,8 @@ def intersecting_pair(r: Array, faces: Index) -> tuple[int, int] | None:
     r (V, 3), faces (F, 3) without degenerate triangles; touching counts as meeting.
     """
     extent = np.ptp(r, axis=0)
-    nodes = np.rint((r - r.min(axis=0)) * (GRID / extent.max())).astype(np.int64)
+    spacing = 2.0 ** np.ceil(np.log2(extent.max() / GRID))
+    nodes = np.rint((r - r.min(axis=0)) / spacing).astype(np.int64)
     axes = np.argsort(-extent, kind="stable")
     corners = nodes[faces]
     low, high = corners.min(axis=1)[:, axes], corners.max(axis=1)[:, axes]
