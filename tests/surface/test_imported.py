@@ -65,7 +65,7 @@ def test_a_point_on_another_triangle_touches():
 def star(seed, strength):
     r, faces = icosphere(2)
     waves = np.random.default_rng(seed).normal(size=(4, 3))
-    radius = 1 + strength * np.prod(np.cos(2 * r @ waves.T), axis=1)
+    radius = 1 + strength * np.prod(np.cos(2 * r @ waves.T + 0.7), axis=1)
     return r * radius[:, None], faces
 
 

@@ -3,7 +3,7 @@
 from itertools import combinations, product
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from amoeboid.surface.intersections import GRID, _side_of_plane, intersecting_pair
@@ -45,6 +45,43 @@ def test_triangles_without_common_nodes(points):
     if is_triangle(first) and is_triangle(second):
         assert meets(nodes, [0, 1, 2], [3, 4, 5]) == (not disjoint(first, second))
         assert meets(nodes, [2, 0, 1], [4, 3, 5]) == (not disjoint(first, second))
+
+
+FLAT = st.tuples(SMALL, SMALL)
+PLANES = st.sampled_from([(0, 1, 2), (1, 0, 2), (3, 1, 1), (1, 2, 0), (0, 0, 1)])
+
+
+def in_plane(points, normal):
+    """Points of the plane grid, tilted and moved in space, whole numbers still."""
+    first = np.array([[0, 0, 1], [0, 1, 0], [1, 0, 0]][int(np.argmin(normal))])
+    axes = np.array([np.cross(normal, first), np.cross(normal, np.cross(normal, first))])
+    return np.array(points) @ axes + [3, 5, 7]
+
+
+# one within the other; edges on one line, apart, in overlapping boxes
+NESTED = [(0, 0), (9, 0), (0, 9), (1, 1), (2, 1), (1, 2)]
+IN_LINE = [(0, 4), (1, 5), (0, 8), (2, 6), (3, 7), (0, 0)]
+
+
+@example(NESTED, (0, 0, 1))
+@example(NESTED, (3, 1, 1))
+@example(IN_LINE, (0, 0, 1))
+@example(IN_LINE, (3, 1, 1))
+@given(st.lists(FLAT, min_size=6, max_size=6), PLANES)
+def test_triangles_in_one_plane(points, normal):
+    nodes = in_plane(points, normal)
+    first, second = nodes[:3], nodes[3:]
+    if is_triangle(first) and is_triangle(second):
+        assert meets(nodes, [0, 1, 2], [3, 4, 5]) == (not disjoint(first, second))
+
+
+@given(st.lists(FLAT, min_size=5, max_size=5, unique=True), PLANES)
+def test_triangles_in_one_plane_with_one_common_node(points, normal):
+    nodes = in_plane(points, normal)
+    first, second = nodes[[0, 1, 2]], nodes[[0, 3, 4]]
+    if is_triangle(first) and is_triangle(second):
+        cut = np.vstack([1000 * first[1:], 999 * nodes[0] + first[1:]])
+        assert meets(nodes, [0, 1, 2], [0, 3, 4]) == (not disjoint(cut, 1000 * second))
 
 
 @given(st.lists(POINT, min_size=5, max_size=5, unique=True))

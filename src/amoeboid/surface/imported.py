@@ -24,7 +24,7 @@ FEWEST_NODES, MOST_NODES = 42, 40962
 
 def merged(r: Array, faces: Index) -> tuple[Array, Index]:
     """The surface with nodes of equal coordinates made one; STL repeats them per triangle."""
-    unique, which = np.unique(r + 0.0, axis=0, return_inverse=True)  # -0.0 becomes 0.0
+    unique, which = np.unique(r, axis=0, return_inverse=True)
     return unique, which.reshape(-1)[faces]
 
 
