@@ -20,7 +20,7 @@ from amoeboid.validation import InvalidInput
 def test_the_default_run_is_figure_3d():
     config = Config()
     assert (config.parameters.D, config.parameters.v_p0) == (0.4, 6.0)
-    assert config.initial.perturbation == 3.0
+    assert resolved(config).initial.perturbation == 3.0
     assert config.initial.direction == (0.0, 0.0, 1.0)
     assert config.mesh.subdivisions == 3
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
+from pathlib import Path, PurePath
 from typing import Any
 
 import tomli_w
@@ -14,7 +15,9 @@ from amoeboid.validation import (
     InvalidInput,
     automatic,
     choice,
+    file,
     flag,
+    harmonics,
     integer,
     number,
     refuse_unknown,
@@ -24,6 +27,10 @@ from amoeboid.validation import (
 )
 
 SCHEMES = ("semi-implicit",)
+# Initial polarization of figure 3D and of the upper branch of figure 3B of the paper.
+POLARIZATION = 3.0
+# Fields of [initial] that name a file.
+FILES = ("surface", "from_frame")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,15 +47,32 @@ class Mesh:
 
 @dataclass(frozen=True, kw_only=True)
 class Initial:
-    """Section [initial]: c = c0 + perturbation * (r - r_cm).direction / R0 + noise."""
+    """Section [initial]: the shape, and c = c0 + perturbation cos(theta) + harmonics + noise.
 
-    perturbation: float = number(3.0, "amplitude of the initial polarization", "N/L^2")
+    theta is the angle between `direction` and r - r_cm (on the sphere: perturbation
+    (r - r_cm).direction/R0). The shape is that of `surface`, shape and c0 are those of
+    `from_frame`; without either the cell is the sphere of section [mesh].
+    """
+
+    perturbation: float = automatic(
+        f"amplitude of the initial polarization, {POLARIZATION:g}, 0 with from_frame", "N/L^2"
+    )
     direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "its axis, towards the rear")
+    harmonics: tuple[tuple[int, int, float], ...] = harmonics(
+        "real spherical harmonics added to c, polar axis z; [1, 0, a] is a cos(theta)"
+    )
     noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
     seed: int = integer(0, "seed of that noise", ge=0, le=2**63 - 1)
+    surface: str | None = file("closed triangulated surface to start from: stl, ply, obj, vtp")
+    from_frame: str | None = file("frame (.vtp) of another run to start from")
 
     def __post_init__(self) -> None:
         validate(self, "initial")
+        if self.surface is not None and self.from_frame is not None:
+            raise InvalidInput(
+                "a run must have one initial shape, got initial.surface = "
+                f"{self.surface!r} and initial.from_frame = {self.from_frame!r}; leave one out"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,7 +126,10 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 def resolved(config: Config) -> Config:
     """`config` with every automatic value in its place; rate is that of the parameters."""
-    time, output = config.time, config.output
+    initial, time, output = config.initial, config.time, config.output
+    if initial.perturbation is None:
+        amplitude = POLARIZATION if initial.from_frame is None else 0.0
+        config = replace(config, initial=replace(initial, perturbation=amplitude))
     if None not in (time.end, time.max_step, output.interval):
         return config
     unit = 1.0 / config.parameters.rate
@@ -115,6 +142,33 @@ def resolved(config: Config) -> Config:
         ),
         output=Output(interval=0.5 * unit if output.interval is None else output.interval),
     )
+
+
+def anchored(config: Config, folder: Path) -> Config:
+    """`config`, read from a file in `folder`, with the paths it names led from there.
+
+    Raises InvalidInput for a path that leaves the folder, through a symbolic link too.
+    """
+    named = {f: path for f in FILES if (path := getattr(config.initial, f)) is not None}
+    places: dict[str, Any] = {
+        f: str(_inside(f"initial.{f}", folder, path)) for f, path in named.items()
+    }
+    return replace(config, initial=replace(config.initial, **places))
+
+
+def _inside(name: str, folder: Path, path: str) -> Path:
+    try:
+        is_inside = not PurePath(path).anchor and (folder / path).resolve().is_relative_to(
+            folder.resolve()
+        )
+    except (OSError, RuntimeError) as error:  # a loop of symbolic links
+        raise InvalidInput(f"{name} must lead to a file, {path!r} does not: {error}") from None
+    if not is_inside:
+        raise InvalidInput(
+            f"{name} in a configuration file must lead to a file in the folder of that file or "
+            f"below, got {path!r}; copy the file there, or give its path with --set {name}=PATH"
+        )
+    return folder / path
 
 
 def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:

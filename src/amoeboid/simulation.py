@@ -14,7 +14,7 @@ from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.multistep import error_share, extrapolated
 from amoeboid.surface.geometry import geometry, volume_centroid
-from amoeboid.surface.initial import perturbed, sphere
+from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
 from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
@@ -84,8 +84,7 @@ def start(config: Config) -> Step:
 
 
 def _started(config: Config) -> Step:
-    model, rest = sphere(config.parameters, config.mesh.subdivisions)
-    state = perturbed(model, rest, config.initial)
+    model, state = initial_state(config)
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
     rate, steady = _rate(model, state, flow)

@@ -2,6 +2,7 @@
 
     manifest.json        status, parameters, versions, platform, seed, summary
     config.toml          the configuration; `amoeboid run config.toml` repeats the run
+    initial_*            copy of the surface or frame the run started from, if it did from a file
     timeseries.csv       one row an accepted step
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
@@ -19,8 +20,9 @@ import json
 import os
 import platform
 import re
+import shutil
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -42,6 +44,8 @@ Array = NDArray[Any]
 STEP_COLUMNS = ("step", "t", "dt", "rejected", "rate", "x", "y", "z")
 COLUMNS = (*STEP_COLUMNS, *OBSERVABLES)
 PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista")
+# Names of the copies of the files that a run starts from.
+COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
 _FRAME_NAME = re.compile(r"frame_\d{5,}\.vtp")
 
 
@@ -166,10 +170,28 @@ def _numbered_folder() -> Path:
 
 
 def new_run(folder: Path, config: Config) -> Run:
-    """Start a run in an empty folder."""
-    run = Run(folder, config)
+    """Start a run in an empty folder; the files that the configuration names are copied into it."""
+    run = Run(folder, _with_own_files(folder, config))
     run.begin()
     return run
+
+
+def _with_own_files(folder: Path, config: Config) -> Config:
+    """`config` with copies in `folder` of the files it names, by their names there."""
+    copies: dict[str, Any] = {}
+    for field in COPIES:
+        source = getattr(config.initial, field)
+        if source is not None:
+            copies[field] = f"{COPIES[field]}{Path(source).suffix.lower()}"
+            _copy(Path(source), folder / copies[field])
+    return replace(config, initial=replace(config.initial, **copies))
+
+
+def _copy(source: Path, target: Path) -> None:
+    def write(temporary: Path) -> None:
+        shutil.copyfile(source, temporary)
+
+    write_atomically(target, write)
 
 
 def stored_config(folder: Path) -> Config:

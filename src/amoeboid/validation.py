@@ -28,6 +28,16 @@ def number(
     return _declared(float, default, doc, unit, gt, ge, le)
 
 
+def file(doc: str) -> Any:
+    """A field that names a file, or None, the default."""
+    return field(default=None, metadata={"kind": str, "doc": doc, "file": True})
+
+
+def harmonics(doc: str) -> Any:
+    """A field of spherical harmonics: any number of (degree l, order m, amplitude)."""
+    return field(default=(), metadata={"kind": list, "doc": doc})
+
+
 def automatic(doc: str, unit: str = "1", *, gt: float | None = None) -> Any:
     """A finite real field that is found from the other fields where it is None, the default."""
     meta = {"kind": float, "doc": doc, "unit": unit, "bounds": {">": gt, ">=": None, "<=": None}}
@@ -109,17 +119,20 @@ def rule(f: Field[Any]) -> str:
         return "true or false"
     if kind is tuple:
         return "three finite numbers, not all zero"
+    if kind is list:
+        return "a list of [l, m, amplitude]: whole numbers |m| <= l, a finite number"
+    if "file" in f.metadata:
+        return "the path of a file, or left out"
     limits = " and ".join(
         f"{sign} {value:g}" for sign, value in f.metadata["bounds"].items() if value is not None
     )
-    if "automatic" in f.metadata:
-        limits += ", or left out"
     noun = "a whole number" if kind is int else "a finite number"
-    return f"{noun} {limits}".strip()
+    words = f"{noun} {limits}".strip()
+    return f"{words}, or left out" if "automatic" in f.metadata else words
 
 
 def _checked(name: str, value: Any, f: Field[Any]) -> Any:
-    if value is None and "automatic" in f.metadata:
+    if value is None and ("automatic" in f.metadata or "file" in f.metadata):
         return None
     kind = f.metadata["kind"]
     problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}")
@@ -133,6 +146,12 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
         return value
     if kind is tuple:
         return _checked_vector(value, problem)
+    if kind is list:
+        return _checked_harmonics(value, problem)
+    if "file" in f.metadata:
+        if not isinstance(value, str) or not value.strip() or "\0" in value:
+            raise problem
+        return value
     if isinstance(value, bool) or not isinstance(value, Real):
         raise problem
     if kind is int and not isinstance(value, Integral):
@@ -171,3 +190,21 @@ def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, fl
     if not math.isfinite(x * x + y * y + z * z) or math.hypot(x, y, z) < 1e-150:
         raise problem
     return x, y, z
+
+
+def _checked_harmonics(value: Any, problem: InvalidInput) -> tuple[tuple[int, int, float], ...]:
+    checked = []
+    try:
+        for degree, order, amplitude in value:
+            if any(isinstance(x, bool) for x in (degree, order, amplitude)):
+                raise problem
+            if not isinstance(degree, Integral) or not isinstance(order, Integral):
+                raise problem
+            if not isinstance(amplitude, Real) or not math.isfinite(amplitude):
+                raise problem
+            if abs(order) > degree:
+                raise problem
+            checked.append((int(degree), int(order), float(amplitude)))
+    except (TypeError, ValueError, OverflowError):
+        raise problem from None
+    return tuple(checked)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from amoeboid.config import Initial, Mesh, figure_3d
+from amoeboid.config import Config, Mesh, figure_3d, resolved
 from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
 from amoeboid.theory.branch import next_steady_amplitude, prediction
@@ -218,7 +218,7 @@ def test_figure_3_of_the_main_text():
 def test_numerical_settings_of_the_SI():
     # 642 nodes; starts of 3 (upper branch) and 0.03 (lower branch and supercritical case).
     assert 10 * 4 ** Mesh().subdivisions + 2 == 642
-    assert Initial().perturbation == 3.0
+    assert resolved(Config()).initial.perturbation == 3.0
     barrier = float(next_steady_amplitude(Parameters(D=0.4, v_p0=5.9)).amplitude)
     assert 0.03 < barrier < 3.0
     # Time step 1e-5: an explicit step must resolve the fastest shape mode that 642 nodes carry.

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.settings import add_settings, field_table, print_json
-from amoeboid.config import Config, config_from_toml, with_settings
+from amoeboid.config import Config, anchored, config_from_toml, with_settings
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
 
     config = Config()
     if args.config is not None:
-        config = config_from_toml(text_of(args.config))
+        config = anchored(config_from_toml(text_of(args.config)), args.config.parent)
     config = with_settings(config, args.settings)
     first = start(config)
     run = new_run(new_folder(args.output), config)

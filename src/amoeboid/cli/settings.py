@@ -59,7 +59,10 @@ def field_table() -> str:
         for f in fields(section):
             if "kind" in f.metadata:
                 value = getattr(getattr(default, name), f.name)
-                value = "automatic" if value is None else value
+                if value is None:
+                    value = "automatic" if "automatic" in f.metadata else "none"
+                elif value == ():
+                    value = "none"
                 rows.append(f"  {prefix + f.name:24}{value!s:18}{f.metadata['doc']} ({rule(f)})")
         if section is Parameters:
             rows.append(

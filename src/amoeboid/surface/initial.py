@@ -1,4 +1,4 @@
-"""Initial states: the homogeneous cell at rest, and perturbations of its concentration."""
+"""Initial states: the cell at rest, a user's surface or a frame, and what is added to their c."""
 
 from __future__ import annotations
 
@@ -7,19 +7,42 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Initial
+from amoeboid.config import Config, Initial
+from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.parameters import Parameters
+from amoeboid.surface.files import surface_file
 from amoeboid.surface.geometry import area, volume_centroid
-from amoeboid.surface.mesh import connectivity
+from amoeboid.surface.harmonics import real_harmonic
+from amoeboid.surface.imported import check_surface, merged, placed
+from amoeboid.surface.mesh import Index, connectivity, narrow_numbering
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
-from amoeboid.surface.stepping import relaxed
+from amoeboid.surface.stepping import StepFailed, flow_of, relaxed
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
+# Step, in units of 1/model.rate, for which the first tension of a given shape is found.
+TENSION_STEP = 1e-2
+
+
+def initial_state(config: Config) -> tuple[Model, State]:
+    """Model and state at t = 0 that a resolved configuration starts from.
+
+    The sphere is brought to rest on its mesh; a shape from a file is not, it is the initial
+    condition, scaled to the membrane area and with its volume center at the origin. Raises
+    InvalidInput, StepFailed, SingularMatrix.
+    """
+    p, initial = config.parameters, config.initial
+    if initial.from_frame is not None:
+        model, start = _from_frame(p, initial.from_frame)
+    elif initial.surface is not None:
+        model, start = _from_surface(p, initial.surface)
+    else:
+        model, start = sphere(p, config.mesh.subdivisions)
+    return model, perturbed(model, start, initial)
 
 
 def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
@@ -28,10 +51,7 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     The polyhedron has the area 4 pi R0^2 exactly. Raises InvalidInput where the law is not
     defined at c0.
     """
-    if p.v_p(p.c0) < 0:
-        raise InvalidInput(
-            f"the law must give v_p(c0) >= 0 (filaments push the membrane), got {p.v_p(p.c0):.4g}"
-        )
+    _check_law(p)
     r, faces = even_icosphere(subdivisions)
     model = Model(p, connectivity(faces))
     r = r * np.sqrt(model.A0 / area(r, faces))
@@ -39,22 +59,96 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     return model, relaxed(model, state)
 
 
-def perturbed(model: Model, state: State, initial: Initial) -> State:
-    """`state` with c + perturbation cos(theta) + noise, theta the angle to the direction.
+def _from_surface(p: Parameters, path: str) -> tuple[Model, State]:
+    r, faces = _surface(path)
+    return _as_given(p, r, faces, np.full(len(r), p.c0), float(base_tension(p)))
 
-    On the sphere this is c + perturbation (r - r_cm).direction/R0 (SI, numerical procedure).
-    Raises InvalidInput if the sum is negative somewhere.
+
+def _from_frame(p: Parameters, path: str) -> tuple[Model, State]:
+    return _as_given(p, *_frame(path))
+
+
+def _as_given(
+    p: Parameters, r: Array, faces: Index, c: Array, tension: float
+) -> tuple[Model, State]:
+    """A given shape with given c (V,), and the tension that goes with it; `tension` is a guess."""
+    _check_law(p)
+    model = Model(p, connectivity(faces))
+    state = State(0.0, placed(r, faces, model.A0), c, tension, np.zeros(3))
+    try:
+        flow = flow_of(model, state, TENSION_STEP / model.rate)
+    except (StepFailed, SingularMatrix) as error:
+        raise InvalidInput(
+            f"the initial shape must be one that the parameters can move, it is not: {error}; "
+            "use a smoother shape or a finer mesh"
+        ) from None
+    return model, replace(state, zeta0=flow.zeta0)
+
+
+def _surface(path: str) -> tuple[Array, Index]:
+    """A user's surface, checked: nodes in the size of the file, narrow numbering."""
+    file = surface_file(path, "initial.surface")
+    r, faces = merged(file.r, file.faces)
+    check_surface(r, faces, f"initial.surface = {path!r}")
+    order, faces = narrow_numbering(faces)
+    return r[order], faces
+
+
+def _frame(path: str) -> tuple[Array, Index, Array, float]:
+    """Nodes, faces, c and tension of a stored frame, checked and in narrow numbering."""
+    name = f"initial.from_frame = {path!r}"
+    file = surface_file(path, "initial.from_frame", ("vtp",))
+    missing = [field for field in ("t", "zeta0") if field not in file.fields]
+    missing += ["c"] if file.c is None else []
+    if file.c is None or missing:
+        raise InvalidInput(
+            f"{name} must be a frame that a run has written, it lacks {', '.join(missing)}; "
+            "a shape alone is given as initial.surface"
+        )
+    c, tension = file.c, file.fields["zeta0"]
+    if c.shape != (len(file.r),) or not np.all(np.isfinite(c)) or c.min() < 0:
+        raise InvalidInput(f"{name} must have one finite number c >= 0 at every point")
+    if not np.isfinite(tension):
+        raise InvalidInput(f"{name} must have a finite tension zeta0, got {tension}")
+    check_surface(file.r, file.faces, name)
+    order, faces = narrow_numbering(file.faces)
+    return file.r[order], faces, c[order], tension
+
+
+def _check_law(p: Parameters) -> None:
+    if p.v_p(p.c0) < 0:
+        raise InvalidInput(
+            f"the law must give v_p(c0) >= 0 (filaments push the membrane), got {p.v_p(p.c0):.4g}"
+        )
+
+
+def perturbed(model: Model, state: State, initial: Initial) -> State:
+    """`state` with c + perturbation cos(theta) + harmonics + noise; `initial` is resolved.
+
+    theta is the angle between the direction and r - r_cm; on the sphere this is
+    c + perturbation (r - r_cm).direction/R0 (SI, numerical procedure). Harmonics: see
+    `real_harmonic`. Raises InvalidInput if the sum is negative somewhere.
     """
-    p = model.parameters
     axis = np.array(initial.direction) / np.linalg.norm(initial.direction)
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-    noise = np.random.default_rng(initial.seed).standard_normal(len(state.c))
-    change = initial.perturbation * (x @ axis) / np.linalg.norm(x, axis=1) + initial.noise * noise
+    distance = np.linalg.norm(x, axis=1)
+    cosine = np.divide(x @ axis, distance, out=np.zeros_like(distance), where=distance > 0)
+    change = initial.perturbation * cosine
+    for degree, order, amplitude in initial.harmonics:
+        if (degree + 1) ** 2 > len(x):
+            raise InvalidInput(
+                f"initial.harmonics must be carried by the mesh, (l + 1)^2 <= {len(x)} nodes, got "
+                f"l = {degree}; lower it or refine the mesh"
+            )
+        change = change + amplitude * real_harmonic(degree, order, x)
+    change = change + initial.noise * np.random.default_rng(initial.seed).standard_normal(len(x))
     c = state.c + change
     if c.min() < -ROUNDING * np.abs(change).max():
+        parts = [f"{f} = {getattr(initial, f):g}" for f in ("perturbation", "noise")]
+        parts += [f"harmonics = {[list(h) for h in initial.harmonics]}"] * bool(initial.harmonics)
         raise InvalidInput(
             f"the initial concentration must be >= 0 everywhere, got {c.min():.4g}; keep "
-            f"initial.perturbation = {initial.perturbation:g} and "
-            f"initial.noise = {initial.noise:g} well below c0 = {p.c0:g}"
+            f"{' and '.join(f'initial.{part}' for part in parts)} well below c = "
+            f"{state.c.min():g}"
         )
     return replace(state, c=np.maximum(c, 0.0))

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
 from amoeboid.validation import InvalidInput
@@ -99,8 +99,7 @@ def icosphere(subdivisions: int) -> tuple[Array, Index]:
     nodes, faces = _icosahedron()
     for _ in range(subdivisions):
         nodes, faces = _subdivided(nodes, faces)
-    order, faces = renumbered(connectivity(faces))
-    return np.ascontiguousarray(nodes[order]), faces
+    return _renumbered(nodes, faces)
 
 
 def _icosahedron() -> tuple[Array, Index]:
@@ -128,13 +127,17 @@ def _subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
     return np.vstack([nodes, middle]), np.concatenate([np.column_stack(t) for t in split])
 
 
-def renumbered(mesh: Connectivity) -> tuple[Index, Index]:
-    """Nodes in reverse Cuthill-McKee order (V,), and the faces with their new numbers.
+def _renumbered(nodes: Array, faces: Index) -> tuple[Array, Index]:
+    order, faces = narrow_numbering(faces)
+    return np.ascontiguousarray(nodes[order]), faces
 
-    Matrices over nodes so numbered have a narrow band: new node k is the old node order[k].
-    """
-    pattern = csr_array((np.ones(len(mesh.columns)), mesh.columns, mesh.row_start))
-    order = reverse_cuthill_mckee(pattern, symmetric_mode=True).astype(np.int64)
-    new = np.empty(mesh.n_nodes, dtype=np.int64)
-    new[order] = np.arange(mesh.n_nodes)
-    return order, np.ascontiguousarray(new[mesh.faces])
+
+def narrow_numbering(faces: Index) -> tuple[Index, Index]:
+    """Reverse Cuthill-McKee: the old numbers of the nodes in their new order (V,), new faces."""
+    n = int(faces.max()) + 1
+    i, j = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
+    graph = coo_array((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
+    order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
+    new = np.empty(n, dtype=np.int64)
+    new[order] = np.arange(n)
+    return order, np.ascontiguousarray(new[faces])

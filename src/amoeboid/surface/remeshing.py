@@ -23,7 +23,7 @@ from amoeboid.surface.geometry import (
     mesh_quality,
     triangle_quality,
 )
-from amoeboid.surface.mesh import Connectivity, Index, connectivity, renumbered
+from amoeboid.surface.mesh import Connectivity, Index, connectivity, narrow_numbering
 from amoeboid.surface.model import Model, State
 
 Array = NDArray[np.float64]
@@ -85,7 +85,7 @@ def remeshed(model: Model, history: Sequence[State]) -> tuple[Model, tuple[State
             mesh = connectivity(change.faces)
     if mesh is model.mesh:
         return model, tuple(history)
-    order, faces = renumbered(mesh)
+    order, faces = narrow_numbering(mesh.faces)
     states = tuple(replace(s, r=s.r[order], c=s.c[order]) for s in states)
     g = geometry(states[0].r, faces)
     missing = model.A0 - area(states[0].r, faces)
