@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.geometry import (
     Geometry,
@@ -113,7 +114,17 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
 
 def rigid_motions(r: Array, g: Geometry) -> Array:
     """Three translations and three rotations about the center of area, columns (3V, 6)."""
-    x = r - g.node_areas @ r / g.area
-    axes = np.eye(3)
-    motions = [np.broadcast_to(e, x.shape) for e in axes] + [np.cross(e, x) for e in axes]
-    return np.stack([m.ravel() for m in motions], axis=1)
+    return np.asarray(_rigid_motions(r, g.node_areas @ r / g.area).reshape(-1, 6))
+
+
+@compiled
+def _rigid_motions(r, center):  # type: ignore[no-untyped-def]
+    motions = np.zeros((r.shape[0], 3, 6))
+    for i in range(r.shape[0]):
+        for d in range(3):
+            motions[i, d, d] = 1.0
+            # rotation about axis d: e_d x (r - center)
+            p, q = (d + 1) % 3, (d + 2) % 3
+            motions[i, p, 3 + d] = -(r[i, q] - center[q])
+            motions[i, q, 3 + d] = r[i, p] - center[p]
+    return motions

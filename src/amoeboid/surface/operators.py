@@ -62,9 +62,24 @@ def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-u
 
 def normal_blocks(entries: Array, normals: Array, mesh: Connectivity) -> Array:
     """Blocks of N N^T S N N^T for a scalar matrix S given by `entries`: S on the normal motion."""
-    row_normals, column_normals = normals[mesh.rows], normals[mesh.columns]
-    overlap = np.einsum("pi,pi->p", row_normals, column_normals) * entries
-    return np.asarray(np.einsum("p,pi,pj->pij", overlap, row_normals, column_normals))
+    return np.asarray(_normal_blocks(entries, normals, mesh.row_start, mesh.columns))
+
+
+@compiled
+def _normal_blocks(entries, normals, row_start, columns):  # type: ignore[no-untyped-def]
+    blocks = np.empty((len(columns), 3, 3))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = columns[k]
+            overlap = entries[k] * (
+                normals[i, 0] * normals[j, 0]
+                + normals[i, 1] * normals[j, 1]
+                + normals[i, 2] * normals[j, 2]
+            )
+            for p in range(3):
+                for q in range(3):
+                    blocks[k, p, q] = overlap * normals[i, p] * normals[j, q]
+    return blocks
 
 
 def block_matrix(blocks: Array, mesh: Connectivity) -> bsr_array:

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 def relaxation(r: Array, g: Geometry, mesh: Connectivity) -> Array:
     """Tangential vectors (V, 3) from the nodes to the mean center of the triangles around them."""
     moments = g.face_areas[:, None] * r[mesh.faces].mean(axis=1)
-    target = scatter(np.repeat(moments[:, None, :], 3, axis=1), mesh.faces, len(r))
+    target = scatter(moments, mesh.faces, len(r))
     pull = target / (3.0 * g.node_areas[:, None]) - r
     return pull - normal_part(pull, g.normals)
 
