@@ -74,7 +74,7 @@ def force_balance(
     matrix = dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + implicit
     shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
     matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
-    factor = model.vector_band.factor(matrix)
+    factor = model.vector_solver.factor(matrix)
 
     force = p.delta_P * volume_gradient(r, mesh.faces)
     if p.alpha > 0:

@@ -38,7 +38,9 @@ def transported(
     entries -= added
     entries[model.diagonal] += _sums(added, model) + g.node_areas * (1.0 + dt * p.beta)
     gained = dt * p.beta * p.c0 * g.node_areas
-    return model.scalar_band.factor(entries).solve(filaments + given_back + gained)
+    return model.scalar_solver.solve(
+        entries, filaments + given_back + gained, guess=filaments / g.node_areas
+    )
 
 
 def added_diffusion(entries: Array, model: Model) -> Array:

@@ -1,0 +1,30 @@
+"""Which solver takes a symmetric positive definite system: decided here, by size and presence.
+
+The figures are in docs/decisions/0009-sparse-solvers.md.
+"""
+
+from __future__ import annotations
+
+from amoeboid.numerics.banded import Index, SymmetricBand
+from amoeboid.numerics.cholmod import SparseCholesky, installed
+
+# Unknowns from which CHOLMOD is faster than the band, and from which that is felt.
+FASTER_FROM = 1500
+FELT_FROM = 5000
+
+
+def symmetric_solver(rows: Index, columns: Index, n: int) -> SymmetricBand | SparseCholesky:
+    """The fastest solver at hand for (n, n) matrices of a pattern with a narrow band."""
+    if n >= FASTER_FROM and installed():
+        return SparseCholesky(rows, columns, n)
+    return SymmetricBand(rows, columns, n)
+
+
+def advice(n: int) -> str | None:
+    """What would make systems of n unknowns faster to solve; None if nothing known does."""
+    if n < FELT_FROM or installed():
+        return None
+    return (
+        f"systems of {n} unknowns are solved several times faster with the optional package "
+        "cvxopt: pip install 'amoeboid[fast]'"
+    )
