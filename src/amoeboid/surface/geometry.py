@@ -124,6 +124,13 @@ def area(r: Array, faces: Index) -> float:
     return float(np.sqrt(np.einsum("fi,fi->f", vectors, vectors)).sum())
 
 
+def node_areas(r: Array, faces: Index) -> Array:
+    """A third of the areas of the triangles around each node (V,) [length^2]."""
+    vectors = face_vectors(r, faces)
+    thirds = np.sqrt(np.einsum("fi,fi->f", vectors, vectors)) / 3.0
+    return scatter(np.broadcast_to(thirds[:, None, None], (len(faces), 3, 1)), faces, len(r))[:, 0]
+
+
 def volume(r: Array, faces: Index) -> float:
     """Enclosed volume, (1/3) of the integral of r.n [length^3]; positive if oriented outward."""
     return float(_volume_moments(r, faces)[0].sum())
@@ -175,16 +182,6 @@ def weighted_area_gradient(g: Geometry, faces: Index, weights: Array) -> Array:
     return np.asarray(_scattered(weights * g.face_areas, g.gradients, faces, len(g.normals)))
 
 
-@compiled
-def _scattered(weights, corner_vectors, faces, n_nodes):  # type: ignore[no-untyped-def]
-    sums = np.zeros((n_nodes, 3))
-    for f in range(faces.shape[0]):
-        for a in range(3):
-            for d in range(3):
-                sums[faces[f, a], d] += weights[f] * corner_vectors[f, a, d]
-    return sums
-
-
 def area_gradient(g: Geometry, faces: Index) -> Array:
     """Derivative of the area with respect to the nodes, (V, 3) [length]; equals L r."""
     return weighted_area_gradient(g, faces, np.ones(len(faces)))
@@ -192,19 +189,20 @@ def area_gradient(g: Geometry, faces: Index) -> Array:
 
 def volume_gradient(r: Array, faces: Index) -> Array:
     """Derivative of the volume with respect to the nodes, (V, 3) [length^2]."""
-    return scatter(face_vectors(r, faces) / 3.0, faces, len(r))
+    third = face_vectors(r, faces) / 3.0
+    return scatter(np.broadcast_to(third[:, None, :], (len(faces), 3, 3)), faces, len(r))
 
 
-def scatter(face_values: Array, faces: Index, n_nodes: int) -> Array:
-    """Sum vectors given per face (F, 3) to each of its three nodes, (V, 3)."""
-    return np.asarray(_scatter(face_values, faces, n_nodes))
+def scatter(corner_values: Array, faces: Index, n_nodes: int) -> Array:
+    """Sum values given per face and corner (F, 3, d) to the nodes (V, d)."""
+    return np.asarray(_scattered(np.ones(len(faces)), corner_values, faces, n_nodes))
 
 
 @compiled
-def _scatter(face_values, faces, n_nodes):  # type: ignore[no-untyped-def]
-    sums = np.zeros((n_nodes, 3))
+def _scattered(weights, corner_values, faces, n_nodes):  # type: ignore[no-untyped-def]
+    sums = np.zeros((n_nodes, corner_values.shape[2]))
     for f in range(faces.shape[0]):
         for a in range(3):
-            for d in range(3):
-                sums[faces[f, a], d] += face_values[f, d]
+            for d in range(corner_values.shape[2]):
+                sums[faces[f, a], d] += weights[f] * corner_values[f, a, d]
     return sums

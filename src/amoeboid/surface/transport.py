@@ -61,6 +61,8 @@ def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array
 
     No more than makes a new extremum among its neighbors, and no node gives more than its `stock`.
     """
+    if not added.any():
+        return np.zeros_like(c)
     rows, columns, starts = model.mesh.rows, model.mesh.columns, model.mesh.row_start[:-1]
     step = c[rows] - c[columns]
     fluxes = added * step
