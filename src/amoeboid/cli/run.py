@@ -66,6 +66,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     model, run, first = _resumed(args) if args.resume is not None else _started(args)
+    _advise(model)
     last, status, why = _simulate(model, run, first)
     wall_s = time.perf_counter() - began
 
@@ -87,6 +88,14 @@ def execute(args: argparse.Namespace) -> int:
     else:
         _print_summary(summary, last, why)
     return EXIT_CODES[status]
+
+
+def _advise(model: Model) -> None:
+    from amoeboid.numerics.symmetric import advice
+
+    faster = advice(model.vector_solver.n)
+    if faster is not None:
+        print(f"amoeboid run: {faster}", file=sys.stderr)
 
 
 def _started(args: argparse.Namespace) -> tuple[Model, Run, Step]:

@@ -25,6 +25,6 @@ def advice(n: int) -> str | None:
     if n < FELT_FROM or installed():
         return None
     return (
-        f"systems of {n} unknowns are solved several times faster with the optional package "
-        "cvxopt: pip install 'amoeboid[fast]'"
+        f"the {n} equations of the force balance are solved in less than half the time with the "
+        "optional package cvxopt (GPL): pip install 'amoeboid[fast]'"
     )
