@@ -30,7 +30,7 @@ from amoeboid.surface.geometry import (
     weighted_area_gradient,
 )
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import block_matrix, normal_blocks, stiffness
+from amoeboid.surface.operators import block_product, normal_blocks, stiffness
 
 Array = NDArray[np.float64]
 
@@ -80,7 +80,7 @@ def force_balance(
     if p.alpha > 0:
         # the stress -alpha c I acts like a negative, uneven tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
-    implicit_v_p = (block_matrix(implicit, mesh) @ v_p.ravel()).reshape(-1, 3)
+    implicit_v_p = block_product(implicit, mesh, v_p)
     tension_force = normal_force(area_gradient(g, mesh.faces), r, g)
 
     rotations = rigid_motions(r, g)[:, 3:]

@@ -82,6 +82,22 @@ def _normal_blocks(entries, normals, row_start, columns):  # type: ignore[no-unt
     return blocks
 
 
+def block_product(blocks: Array, mesh: Connectivity, v: Array) -> Array:
+    """The matrix of blocks given on the pattern of `mesh` times node vectors v (V, 3), (V, 3)."""
+    return np.asarray(_block_product(blocks, mesh.row_start, mesh.columns, v))
+
+
+@compiled
+def _block_product(blocks, row_start, columns, v):  # type: ignore[no-untyped-def]
+    product = np.zeros((len(row_start) - 1, 3))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            for p in range(3):
+                for q in range(3):
+                    product[i, p] += blocks[k, p, q] * v[columns[k], q]
+    return product
+
+
 def block_matrix(blocks: Array, mesh: Connectivity) -> bsr_array:
     """The (3V, 3V) matrix of blocks given on the pattern of `mesh`."""
     return bsr_array((blocks, mesh.columns, mesh.row_start), shape=(3 * mesh.n_nodes,) * 2)
