@@ -7,6 +7,8 @@ import pytest
 
 from amoeboid.observables import (
     OBSERVABLES,
+    _fitted_values,
+    _largest,
     c_front,
     c_rear,
     deformation,
@@ -19,8 +21,11 @@ from amoeboid.observables import (
     retrograde_flow,
 )
 from amoeboid.parameters import Parameters
+from amoeboid.surface.geometry import geometry
 from amoeboid.surface.initial import sphere
+from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Flow
+from surface.shapes import lumpy
 
 
 @pytest.fixture(scope="module")
@@ -100,3 +105,38 @@ def test_shape_and_content_of_an_ellipsoid(cell):
     assert volume_ratio == pytest.approx(1.5, rel=1e-12)
     assert filament_number(model, state, flow) == pytest.approx(3 * model.A0, rel=1e-12)
     assert 0 < mesh_quality(model, stretched, flow) < mesh_quality(model, state, flow) <= 1
+
+
+def fitted_value(mesh, r, normals, values, i):
+    """Value at node i of the quadratic fitted to it and two rings of neighbors, spelled out."""
+    ring = mesh.columns[mesh.rows == i]
+    patch = np.flatnonzero(np.isin(np.arange(len(r)), mesh.columns[np.isin(mesh.rows, ring)]))
+    n = normals[i]
+    first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
+    first /= np.linalg.norm(first)
+    plane = (r[patch] - r[i]) @ np.column_stack([first, np.cross(n, first)])
+    x, y = (plane / np.abs(plane).max()).T
+    basis = np.column_stack([np.ones(len(patch)), x, y, 0.5 * x * x, x * y, 0.5 * y * y])
+    return np.linalg.lstsq(basis, values[patch], rcond=None)[0][0]
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 3])
+def test_fits_of_many_nodes_are_those_of_each(subdivisions):
+    if subdivisions == 0:  # a tetrahedron: too few nodes for a quadratic
+        r = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * [1, 1.1, 0.9]
+        mesh = connectivity(np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
+    else:
+        r, mesh = lumpy(subdivisions)
+    normals = geometry(r, mesh.faces).normals
+    values = np.random.default_rng(0).uniform(1, 2, len(r))
+    nodes = np.arange(0, len(r), max(1, len(r) // 40))
+    found = _fitted_values(mesh, r, normals, values, nodes)
+    expected = [fitted_value(mesh, r, normals, values, i) for i in nodes]
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+
+
+def test_the_largest_values_come_first_and_ties_in_order():
+    values = np.random.default_rng(0).integers(0, 8, 200).astype(float)
+    expected = np.argsort(-values, kind="stable")
+    for count in (1, 24, 200, 300):
+        assert np.array_equal(_largest(values, count), expected[:count])

@@ -11,15 +11,19 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface import geometry
-from amoeboid.surface.geometry import area, volume, volume_centroid
+from amoeboid.surface.geometry import area, node_areas, volume, volume_centroid
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.surface.model import Flow, Model, State
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 # Number of nodes, fastest first, whose neighborhood is searched for the maximal speed.
 SEARCHED = 24
+# Share of the largest pivot below which a fit is taken for underdetermined.
+UNDETERMINED = 1e-10
 
 
 def retrograde_flow(model: Model, state: State, flow: Flow) -> Array:
@@ -40,10 +44,11 @@ def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
     At every candidate node the squared speed is the value there of a quadratic fitted to two
     rings of neighbors, so that single nodes (the twelve of valence five) do not decide.
     """
-    speed = np.linalg.norm(retrograde_flow(model, state, flow), axis=1)
-    fastest = np.argsort(-speed, kind="stable")[:SEARCHED]
-    squares = [_fitted_value(model.mesh, state.r, flow.normals, speed**2, i) for i in fastest]
-    return float(np.sqrt(max(0.0, *squares)))
+    v = retrograde_flow(model, state, flow)
+    squares = np.einsum("vi,vi->v", v, v)
+    fastest = _largest(squares, SEARCHED)
+    fitted = _fitted_values(model.mesh, state.r, flow.normals, squares, fastest)
+    return float(np.sqrt(max(0.0, fitted.max())))
 
 
 def c_front(model: Model, state: State, flow: Flow) -> float:
@@ -70,7 +75,7 @@ def area_error(model: Model, state: State, flow: Flow) -> float:
 
 def filament_number(model: Model, state: State, flow: Flow) -> float:
     """Total number of filaments, the integral of c over the surface [N]."""
-    return float(geometry.geometry(state.r, model.mesh.faces).node_areas @ state.c)
+    return float(node_areas(state.r, model.mesh.faces) @ state.c)
 
 
 def polarity(model: Model, state: State, flow: Flow) -> float:
@@ -80,7 +85,7 @@ def polarity(model: Model, state: State, flow: Flow) -> float:
 
 def polarization(model: Model, state: State) -> Array:
     """The vector of `polarity` (3,): from the front to the rear."""
-    weights = geometry.geometry(state.r, model.mesh.faces).node_areas * state.c
+    weights = node_areas(state.r, model.mesh.faces) * state.c
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     return np.asarray(weights @ x / (weights.sum() * model.parameters.R0))
 
@@ -127,30 +132,73 @@ def observed(model: Model, state: State, flow: Flow) -> dict[str, float]:
     return {name: f(model, state, flow) for name, f in OBSERVABLES.items()}
 
 
-def _neighbors(mesh: Connectivity, i: int) -> NDArray[np.int64]:
-    return mesh.columns[mesh.row_start[i] : mesh.row_start[i + 1]]
+def _largest(values: Array, count: int) -> Index:
+    """Nodes of the `count` largest values, largest first, equal ones in their order."""
+    least = np.partition(values, -count)[-count] if count < len(values) else -np.inf
+    nodes = np.flatnonzero(values >= least)
+    return nodes[np.argsort(-values[nodes], kind="stable")][:count]
 
 
-def _in_tangent_plane(r: Array, nodes: NDArray[np.int64], i: int, normal: Array) -> Array:
-    """Coordinates (n, 2) of nodes in the tangent plane at node i, in units of their spread."""
-    x = r[nodes] - r[i]
-    first = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
-    first /= np.linalg.norm(first)
-    plane = x @ np.column_stack([first, np.cross(normal, first)])
-    return np.asarray(plane / np.abs(plane).max())
+@compiled
+def _two_rings(nodes, row_start, columns):  # type: ignore[no-untyped-def]
+    """Each node, its neighbors and theirs, in no order; short lists end with -1."""
+    most = 0
+    for i in nodes:
+        reached = 0
+        for j in columns[row_start[i] : row_start[i + 1]]:
+            reached += row_start[j + 1] - row_start[j]
+        most = max(most, reached)
+    patches = np.full((len(nodes), most), -1)
+    longest = 0
+    for n in range(len(nodes)):
+        length = 0
+        for j in columns[row_start[nodes[n]] : row_start[nodes[n] + 1]]:
+            for k in columns[row_start[j] : row_start[j + 1]]:
+                known = 0
+                while known < length and patches[n, known] != k:
+                    known += 1
+                if known == length:
+                    patches[n, length] = k
+                    length += 1
+        longest = max(longest, length)
+    return patches[:, :longest]
+
+
+def _in_tangent_plane(x: Array, normals: Array) -> Array:
+    """Coordinates (n, m, 2) of x (n, m, 3) in the planes of n normals, in units of their spread."""
+    first = np.cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
+    first /= np.sqrt(np.einsum("ni,ni->n", first, first))[:, None]
+    axes = np.stack([first, np.cross(normals, first)], axis=2)
+    plane = x @ axes
+    return np.asarray(plane / np.abs(plane).max(axis=(1, 2), keepdims=True))
 
 
 def _monomials(plane: Array) -> Array:
-    x, y = plane.T
-    return np.column_stack([x, y, 0.5 * x * x, x * y, 0.5 * y * y])
+    x, y = plane[..., 0], plane[..., 1]
+    return np.stack([x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=-1)
 
 
-def _fitted_value(mesh: Connectivity, r: Array, normals: Array, values: Array, i: int) -> float:
-    """Value at node i of the quadratic fitted to it and two rings of neighbors."""
-    patch = np.unique(np.concatenate([_neighbors(mesh, j) for j in _neighbors(mesh, i)]))
-    basis = _monomials(_in_tangent_plane(r, patch, i, normals[i]))
-    basis = np.column_stack([np.ones(len(patch)), basis])
-    return float(np.linalg.lstsq(basis, values[patch], rcond=None)[0][0])
+def _fitted_values(
+    mesh: Connectivity, r: Array, normals: Array, values: Array, nodes: Index
+) -> Array:
+    """Values at `nodes` of the quadratics fitted to each and two rings of its neighbors."""
+    patches = _two_rings(nodes, mesh.row_start, mesh.columns)
+    # lists are filled up with equations 0 = 0
+    present = patches >= 0
+    x = (r[patches] - r[nodes, None, :]) * present[..., None]
+    basis = np.concatenate(
+        [present[..., None], _monomials(_in_tangent_plane(x, normals[nodes]))], axis=-1
+    )
+    wanted = (values[patches] * present)[..., None]
+    if basis.shape[1] >= basis.shape[2]:
+        q, upper = np.linalg.qr(basis)
+        size = np.abs(np.diagonal(upper, axis1=1, axis2=2))
+        if np.all(size.min(axis=1) > UNDETERMINED * size.max(axis=1)):
+            return np.linalg.solve(upper, q.transpose(0, 2, 1) @ wanted)[:, 0, 0]
+    # too few neighbors for a quadratic: the smallest one that fits
+    return np.array(
+        [np.linalg.lstsq(a, b, rcond=None)[0][0, 0] for a, b in zip(basis, wanted, strict=True)]
+    )
 
 
 def _refined_extremum(
@@ -161,11 +209,11 @@ def _refined_extremum(
     Taken only within reach of the neighbors, and if it is no concentration below zero; else the
     value at the node. sign +1: a maximum.
     """
-    ring = _neighbors(mesh, i)
+    ring = mesh.columns[mesh.row_start[i] : mesh.row_start[i + 1]]
     ring = ring[ring != i]
     if np.ptp(values[ring] - values[i]) == 0.0:
         return float(values[i])
-    basis = _monomials(_in_tangent_plane(r, ring, i, normals[i]))
+    basis = _monomials(_in_tangent_plane((r[ring] - r[i])[None], normals[i : i + 1])[0])
     gx, gy, xx, xy, yy = np.linalg.lstsq(basis, values[ring] - values[i], rcond=None)[0]
     hessian, gradient = np.array([[xx, xy], [xy, yy]]), np.array([gx, gy])
     if np.max(sign * np.linalg.eigvalsh(hessian)) >= 0:

@@ -5,12 +5,19 @@ from amoeboid.surface.geometry import (
     area,
     area_gradient,
     geometry,
+    node_areas,
     volume,
     volume_centroid,
     volume_gradient,
     weighted_area_gradient,
 )
-from amoeboid.surface.operators import block_matrix, normal_blocks, scalar_matrix, stiffness
+from amoeboid.surface.operators import (
+    block_matrix,
+    block_product,
+    normal_blocks,
+    scalar_matrix,
+    stiffness,
+)
 from surface.shapes import lumpy, observed_orders, sphere
 
 
@@ -81,6 +88,13 @@ def test_sphere_area_volume_and_tension_converge_at_second_order():
         assert np.all(np.abs(observed_orders(sizes, column) - 2) < 0.1)
 
 
+def test_node_areas_are_those_of_the_geometry():
+    r, mesh = lumpy()
+    np.testing.assert_allclose(
+        node_areas(r, mesh.faces), geometry(r, mesh.faces).node_areas, rtol=1e-13
+    )
+
+
 def test_volume_centroid_moves_with_the_shape():
     r, mesh = lumpy()
     center = volume_centroid(r, mesh.faces)
@@ -100,5 +114,10 @@ def test_normal_blocks_are_the_projected_matrix():
     for i, n in enumerate(g.normals):
         projector[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = np.outer(n, n)
     expected = projector @ np.kron(dense, np.eye(3)) @ projector
-    found = block_matrix(normal_blocks(entries, g.normals, mesh), mesh).toarray()
+    blocks = normal_blocks(entries, g.normals, mesh)
+    found = block_matrix(blocks, mesh).toarray()
+    v = np.random.default_rng(5).normal(size=r.shape)
+    np.testing.assert_allclose(
+        block_product(blocks, mesh, v).ravel(), found @ v.ravel(), atol=1e-12
+    )
     np.testing.assert_allclose(found, expected, atol=1e-13)

@@ -3,7 +3,7 @@ import pytest
 
 from amoeboid.surface.geometry import geometry, volume
 from amoeboid.surface.mesh import connectivity, icosphere
-from amoeboid.surface.relaxation import relaxation
+from amoeboid.surface.relaxation import _settled, even_icosphere, relaxation
 from amoeboid.validation import InvalidInput
 from surface.shapes import sphere
 
@@ -66,6 +66,24 @@ def test_even_mesh_is_at_rest_and_well_shaped(subdivisions):
     assert np.abs(relaxation(r, g, mesh)).max() < 1e-9
     np.testing.assert_allclose(np.linalg.norm(r, axis=1), 1, rtol=1e-14)
     assert g.face_areas.min() > 0.5 * g.face_areas.max()
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 3, 4])
+def test_even_mesh_is_the_icosphere_relaxed(subdivisions):
+    """The way over coarser meshes leads where the icosphere itself goes, node by node."""
+    r, faces = even_icosphere(subdivisions)
+    start, expected_faces = icosphere(subdivisions)
+    assert np.array_equal(faces, expected_faces)
+    expected = _settled(start, faces, 1e-12)
+    np.testing.assert_allclose(r, expected, atol=2e-9)
+    again, _ = even_icosphere(subdivisions)
+    assert np.array_equal(r, again)
+
+
+def test_faces_are_listed_along_the_nodes():
+    for subdivisions in (1, 3, 4):
+        first = icosphere(subdivisions)[1].min(axis=1)
+        assert np.all(np.diff(first) >= 0)
 
 
 def test_relaxation_is_tangential_and_evens_out():

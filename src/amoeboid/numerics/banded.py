@@ -1,7 +1,7 @@
 """Direct solvers for sparse matrices whose numbering already gives a narrow band.
 
-This is the one place where sparse systems are factorized. `SymmetricBand` and `GeneralBand` hold
-the structure, made once; `factor` takes the entries and returns an object with `solve`.
+`SymmetricBand` and `GeneralBand` hold the structure, made once; `factor` takes the entries and
+returns an object with `solve`.
 """
 
 from __future__ import annotations
@@ -53,8 +53,11 @@ class SymmetricBand:
 
     def factor(self, entries: Array) -> Factor:
         """Factorize; `entries` on the pattern given at construction. Raises SingularMatrix."""
+        below = entries.ravel()[self._below]
+        if not np.all(np.isfinite(below)):
+            raise SingularMatrix("the matrix must be positive definite; an entry is not finite")
         band = np.zeros((self.n, self.half_width + 1))
-        band.ravel()[self._places] = entries.ravel()[self._below]
+        band.ravel()[self._places] = below
         triangle, info = dpbtrf(band.T, lower=1, overwrite_ab=1)
         if info != 0:
             raise SingularMatrix(f"the matrix must be positive definite; minor {info} is not")

@@ -27,23 +27,28 @@ def dissipation_blocks(g: Geometry, mesh: Connectivity, eta_s: float, eta_b: flo
 @compiled
 def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b):  # type: ignore[no-untyped-def]
     blocks = np.zeros((n_slots, 3, 3))
+    tangent = np.empty((3, 3))
     for f in range(areas.shape[0]):
+        for p in range(3):
+            for q in range(3):
+                tangent[p, q] = -normals[f, p] * normals[f, q]
+            tangent[p, p] += 1.0
         for a in range(3):
-            for b in range(3):
-                block = blocks[slots[f, a, b]]
+            for b in range(a, 3):
+                block, mirror = slots[f, a, b], slots[f, b, a]
                 overlap = 0.0
                 for d in range(3):
                     overlap += gradients[f, a, d] * gradients[f, b, d]
                 for p in range(3):
                     for q in range(3):
-                        tangent = -normals[f, p] * normals[f, q]
-                        if p == q:
-                            tangent += 1.0
-                        block[p, q] += areas[f] * (
+                        entry = areas[f] * (
                             eta_b * gradients[f, a, p] * gradients[f, b, q]
                             + eta_s * gradients[f, b, p] * gradients[f, a, q]
-                            + eta_s * overlap * tangent
+                            + eta_s * overlap * tangent[p, q]
                         )
+                        blocks[block, p, q] += entry
+                        if a != b:
+                            blocks[mirror, q, p] += entry
     return blocks
 
 

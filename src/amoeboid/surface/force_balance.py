@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.banded import Factor
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
 from amoeboid.surface.geometry import (
     Geometry,
@@ -37,10 +38,10 @@ from amoeboid.surface.geometry import (
 from amoeboid.surface.mesh import Index
 from amoeboid.surface.model import Model
 from amoeboid.surface.operators import (
-    block_matrix,
+    block_product,
     normal_blocks,
     normal_projection,
-    scalar_matrix,
+    product,
     stiffness,
     tensile_stiffness,
 )
@@ -108,7 +109,7 @@ def cortex(
     matrix = dissipation + normal_blocks(damping + dt * tension, g.normals, mesh)
     shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
     matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
-    factor = model.vector_band.factor(matrix)
+    factor = model.vector_solver.factor(matrix)
     rigid = factor.solve(_per_area(rigid_motions(r, g), g))
     return Cortex(dt, dissipation, tension, damping, g.normals, factor, rigid)
 
@@ -127,8 +128,8 @@ def force_balance(
     The frame follows the cell. `ahead` (V, 3): what r is ahead of the known part of the step
     (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c` (V, 3): an estimate
     of the solution; with it the viscosity is that of r itself up to the error of the estimate,
-    without it that of `near`. Main text, force balance below `vp`; SI `forcebalance2`. Raises InvalidInput where
-    v_p(c) is not defined.
+    without it that of `near`. Main text, force balance below `vp`; SI `forcebalance2`. Raises
+    InvalidInput where v_p(c) is not defined.
     """
     p, mesh = model.parameters, model.mesh
     v_p = p.v_p(c)[:, None] * g.normals
@@ -139,13 +140,12 @@ def force_balance(
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
         here = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
-        change = block_matrix(near.dissipation - here, mesh) @ v_c.ravel()
-        force += change.reshape(-1, 3)
+        force += block_product(near.dissipation - here, mesh, v_c)
         v_n += np.einsum("vi,vi->v", v_c, g.normals - near.normals)
     moved = near.dt * v_n
     if ahead is not None:
         moved -= np.einsum("vi,vi->v", ahead, g.normals)
-    resisted = scalar_matrix(near.damping, mesh) @ v_n + scalar_matrix(near.tension, mesh) @ moved
+    resisted = product(near.damping, mesh, v_n) + product(near.tension, mesh, moved)
     force -= resisted[:, None] * near.normals
     tension_force = normal_force(area_gradient(g, mesh.faces), r, g)
     solved = near.factor.solve(np.column_stack([force.ravel(), -tension_force.ravel()]))
@@ -187,7 +187,17 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
 
 def rigid_motions(r: Array, g: Geometry) -> Array:
     """Three translations and three rotations about the center of area, columns (3V, 6)."""
-    x = r - g.node_areas @ r / g.area
-    axes = np.eye(3)
-    motions = [np.broadcast_to(e, x.shape) for e in axes] + [np.cross(e, x) for e in axes]
-    return np.stack([m.ravel() for m in motions], axis=1)
+    return np.asarray(_rigid_motions(r, g.node_areas @ r / g.area).reshape(-1, 6))
+
+
+@compiled
+def _rigid_motions(r, center):  # type: ignore[no-untyped-def]
+    motions = np.zeros((r.shape[0], 3, 6))
+    for i in range(r.shape[0]):
+        for d in range(3):
+            motions[i, d, d] = 1.0
+            # rotation about axis d: e_d x (r - center)
+            p, q = (d + 1) % 3, (d + 2) % 3
+            motions[i, p, 3 + d] = -(r[i, q] - center[q])
+            motions[i, q, 3 + d] = r[i, p] - center[p]
+    return motions

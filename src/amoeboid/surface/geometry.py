@@ -51,26 +51,29 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
     gradients = np.empty((n_faces, 3, 3))
     node_areas = np.zeros(n_nodes)
     normals = np.zeros((n_nodes, 3))
-    n = np.empty(3)
+    n, x = np.empty(3), np.empty((3, 3))
     for f in range(n_faces):
-        i, j, k = faces[f]
+        for a in range(3):
+            for d in range(3):
+                x[a, d] = r[faces[f, a], d]
         for d in range(3):
             p, q = (d + 1) % 3, (d + 2) % 3
-            n[d] = (r[j, p] - r[i, p]) * (r[k, q] - r[i, q]) - (r[j, q] - r[i, q]) * (
-                r[k, p] - r[i, p]
+            n[d] = (x[1, p] - x[0, p]) * (x[2, q] - x[0, q]) - (x[1, q] - x[0, q]) * (
+                x[2, p] - x[0, p]
             )
-        twice = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+        twice = np.sqrt(square)
         areas[f] = 0.5 * twice
         for d in range(3):
             face_normals[f, d] = n[d] / twice
         for a in range(3):
-            b, c = faces[f, (a + 1) % 3], faces[f, (a + 2) % 3]
+            b, c = (a + 1) % 3, (a + 2) % 3
             for d in range(3):
                 p, q = (d + 1) % 3, (d + 2) % 3
                 # n x (opposite edge) / (2 area)
                 gradients[f, a, d] = (
-                    n[p] * (r[c, q] - r[b, q]) - n[q] * (r[c, p] - r[b, p])
-                ) / twice**2
+                    n[p] * (x[c, q] - x[b, q]) - n[q] * (x[c, p] - x[b, p])
+                ) / square
             node_areas[faces[f, a]] += areas[f] / 3.0
             for d in range(3):
                 normals[faces[f, a], d] += n[d]
@@ -83,49 +86,105 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
 
 def normal_part(v: Array, normals: Array) -> Array:
     """The part of node vectors v (V, 3) along the unit vectors `normals` (V, 3)."""
-    return np.asarray(np.einsum("vi,vi->v", v, normals)[:, None] * normals)
+    return np.asarray(_normal_part(np.ascontiguousarray(v), normals))
+
+
+@compiled
+def _normal_part(v, normals):  # type: ignore[no-untyped-def]
+    part = np.empty(v.shape)
+    for i in range(v.shape[0]):
+        along = v[i, 0] * normals[i, 0] + v[i, 1] * normals[i, 1] + v[i, 2] * normals[i, 2]
+        for d in range(3):
+            part[i, d] = along * normals[i, d]
+    return part
 
 
 def face_vectors(r: Array, faces: Index) -> Array:
     """Area vectors of the triangles (F, 3): half the cross product of two edges [length^2]."""
-    a, b, c = r[faces[:, 0]], r[faces[:, 1]], r[faces[:, 2]]
-    return 0.5 * np.cross(b - a, c - a)
+    return np.asarray(_face_vectors(r, faces))
+
+
+@compiled
+def _face_vectors(r, faces):  # type: ignore[no-untyped-def]
+    vectors = np.empty((faces.shape[0], 3))
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            vectors[f, d] = 0.5 * (
+                (r[j, p] - r[i, p]) * (r[k, q] - r[i, q])
+                - (r[j, q] - r[i, q]) * (r[k, p] - r[i, p])
+            )
+    return vectors
 
 
 def area(r: Array, faces: Index) -> float:
     """Surface area [length^2]."""
-    return float(np.linalg.norm(face_vectors(r, faces), axis=1).sum())
+    vectors = face_vectors(r, faces)
+    return float(np.sqrt(np.einsum("fi,fi->f", vectors, vectors)).sum())
+
+
+def node_areas(r: Array, faces: Index) -> Array:
+    """A third of the areas of the triangles around each node (V,) [length^2]."""
+    vectors = face_vectors(r, faces)
+    thirds = np.sqrt(np.einsum("fi,fi->f", vectors, vectors)) / 3.0
+    return scatter(np.broadcast_to(thirds[:, None, None], (len(faces), 3, 1)), faces, len(r))[:, 0]
 
 
 def volume(r: Array, faces: Index) -> float:
     """Enclosed volume, (1/3) of the integral of r.n [length^3]; positive if oriented outward."""
-    a, b, c = r[faces[:, 0]], r[faces[:, 1]], r[faces[:, 2]]
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+    return float(_volume_moments(r, faces)[0].sum())
 
 
 def volume_centroid(r: Array, faces: Index) -> Array:
     """Center of the enclosed volume (3,) [length]."""
-    a, b, c = r[faces[:, 0]], r[faces[:, 1]], r[faces[:, 2]]
-    tetrahedra = np.einsum("fi,fi->f", a, np.cross(b, c)) / 6.0
-    return np.asarray(tetrahedra @ (a + b + c) / (4.0 * tetrahedra.sum()))
+    moments = _volume_moments(r, faces).sum(axis=1)
+    return np.asarray(moments[1:] / moments[0])
 
 
-def triangle_quality(corners: Array) -> Array:
-    """4 sqrt(3) area / (sum of squared edges) of triangles (n, 3, 3): 1 is equilateral, (n,)."""
-    edges = corners - np.roll(corners, 1, axis=1)
-    twice = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
-    return np.asarray(2 * np.sqrt(3) * twice / np.einsum("fai,fai->f", edges, edges))
+@compiled
+def _volume_moments(r, faces):  # type: ignore[no-untyped-def]
+    # volume and first moments of the tetrahedra between the triangles and the origin
+    moments = np.empty((4, faces.shape[0]))
+    for f in range(faces.shape[0]):
+        a, b, c = r[faces[f, 0]], r[faces[f, 1]], r[faces[f, 2]]
+        sixfold = (
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        moments[0, f] = sixfold / 6.0
+        for d in range(3):
+            moments[1 + d, f] = sixfold * (a[d] + b[d] + c[d]) / 24.0
+    return moments
+
+
+def triangle_quality(r: Array, faces: Index) -> Array:
+    """Quality of the triangles, 4 sqrt(3) area / (sum of squared edges), (F,): 1 is equilateral."""
+    return np.asarray(_triangle_quality(r, faces))
+
+
+@compiled
+def _triangle_quality(r, faces):  # type: ignore[no-untyped-def]
+    quality = np.empty(faces.shape[0])
+    for f in range(faces.shape[0]):
+        a, b, c = r[faces[f, 0]], r[faces[f, 1]], r[faces[f, 2]]
+        u, v = b - a, c - a
+        w = v - u
+        n = np.cross(u, v)
+        squares = np.sum(u * u) + np.sum(v * v) + np.sum(w * w)
+        quality[f] = 2.0 * np.sqrt(3.0) * np.sqrt(np.sum(n * n)) / squares
+    return quality
 
 
 def mesh_quality(r: Array, faces: Index) -> float:
     """Smallest quality of a triangle."""
-    return float(triangle_quality(r[faces]).min())
+    return float(triangle_quality(r, faces).min())
 
 
 def weighted_area_gradient(g: Geometry, faces: Index, weights: Array) -> Array:
     """Derivative of sum_f weights[f] area_f with respect to the nodes, (V, 3) [weight length]."""
-    contributions = (weights * g.face_areas)[:, None, None] * g.gradients
-    return scatter(contributions, faces, len(g.normals))
+    return np.asarray(_scattered(weights * g.face_areas, g.gradients, faces, len(g.normals)))
 
 
 def area_gradient(g: Geometry, faces: Index) -> Array:
@@ -136,13 +195,19 @@ def area_gradient(g: Geometry, faces: Index) -> Array:
 def volume_gradient(r: Array, faces: Index) -> Array:
     """Derivative of the volume with respect to the nodes, (V, 3) [length^2]."""
     third = face_vectors(r, faces) / 3.0
-    return scatter(np.repeat(third[:, None, :], 3, axis=1), faces, len(r))
+    return scatter(np.broadcast_to(third[:, None, :], (len(faces), 3, 3)), faces, len(r))
 
 
 def scatter(corner_values: Array, faces: Index, n_nodes: int) -> Array:
     """Sum values given per face and corner (F, 3, d) to the nodes (V, d)."""
-    flat = faces.ravel()
-    columns = corner_values.reshape(len(flat), -1)
-    return np.column_stack(
-        [np.bincount(flat, weights=column, minlength=n_nodes) for column in columns.T]
-    )
+    return np.asarray(_scattered(np.ones(len(faces)), corner_values, faces, n_nodes))
+
+
+@compiled
+def _scattered(weights, corner_values, faces, n_nodes):  # type: ignore[no-untyped-def]
+    sums = np.zeros((n_nodes, corner_values.shape[2]))
+    for f in range(faces.shape[0]):
+        for a in range(3):
+            for d in range(corner_values.shape[2]):
+                sums[faces[f, a], d] += weights[f] * corner_values[f, a, d]
+    return sums

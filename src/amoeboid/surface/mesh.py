@@ -94,15 +94,17 @@ def icosphere(subdivisions: int) -> tuple[Array, Index]:
 
     Every subdivision halves all edges. The middle of an edge of the icosahedron lies on the z axis:
     the poles of the default polarization are ordinary nodes, not two of the twelve of valence
-    five. Nodes are numbered by reverse Cuthill-McKee: matrices over them have a narrow band.
+    five. Nodes are numbered by reverse Cuthill-McKee, so that matrices over them have a narrow
+    band, and faces are listed along the nodes, so that assembly stays within the cache.
     """
-    nodes, faces = _icosahedron()
+    nodes, faces = icosahedron()
     for _ in range(subdivisions):
-        nodes, faces = _subdivided(nodes, faces)
-    return _renumbered(nodes, faces)
+        nodes, faces = subdivided(nodes, faces)
+    return renumbered(nodes, faces)
 
 
-def _icosahedron() -> tuple[Array, Index]:
+def icosahedron() -> tuple[Array, Index]:
+    """Nodes (12, 3) on the unit sphere and faces (20, 3); the middle of an edge on the z axis."""
     golden = (1 + np.sqrt(5)) / 2
     corners = np.array([(0.0, a, b) for a in (1, -1) for b in (golden, -golden)])
     nodes = np.concatenate([np.roll(corners, shift, axis=1) for shift in range(3)])
@@ -116,7 +118,8 @@ def _icosahedron() -> tuple[Array, Index]:
     return nodes / np.linalg.norm(nodes[0]), np.array(faces, dtype=np.int64)
 
 
-def _subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
+def subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
+    """Every triangle split into four; the new nodes, on the unit sphere, follow the old ones."""
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     unique, which = np.unique(edges, axis=0, return_inverse=True)
     middle = nodes[unique].sum(axis=1)
@@ -127,17 +130,23 @@ def _subdivided(nodes: Array, faces: Index) -> tuple[Array, Index]:
     return np.vstack([nodes, middle]), np.concatenate([np.column_stack(t) for t in split])
 
 
-def _renumbered(nodes: Array, faces: Index) -> tuple[Array, Index]:
+def renumbered(nodes: Array, faces: Index) -> tuple[Array, Index]:
+    """Nodes in reverse Cuthill-McKee order, faces listed along them."""
     order, faces = narrow_numbering(faces)
     return np.ascontiguousarray(nodes[order]), faces
 
 
 def narrow_numbering(faces: Index) -> tuple[Index, Index]:
-    """Reverse Cuthill-McKee: the old numbers of the nodes in their new order (V,), new faces."""
+    """Reverse Cuthill-McKee: the old numbers of the nodes in their new order (V,), new faces.
+
+    Matrices over nodes so numbered have a narrow band; faces are listed along the nodes.
+    """
     n = int(faces.max()) + 1
     i, j = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
     order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
     new = np.empty(n, dtype=np.int64)
     new[order] = np.arange(n)
-    return order, np.ascontiguousarray(new[faces])
+    faces = new[faces]
+    along = np.lexsort((faces.max(axis=1), faces.min(axis=1)))
+    return order, np.ascontiguousarray(faces[along])

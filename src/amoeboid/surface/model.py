@@ -9,7 +9,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.banded import GeneralBand, SymmetricBand
+from amoeboid.numerics.banded import SymmetricBand
+from amoeboid.numerics.cholmod import SparseCholesky
+from amoeboid.numerics.iterative import DominatedByDiagonal
+from amoeboid.numerics.symmetric import symmetric_solver
 from amoeboid.parameters import Parameters
 from amoeboid.surface.mesh import Connectivity
 
@@ -44,17 +47,17 @@ class Model:
         return self.parameters.rate
 
     @cached_property
-    def vector_band(self) -> SymmetricBand:
+    def vector_solver(self) -> SymmetricBand | SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
         axis = np.arange(3)
         rows = 3 * self.mesh.rows[:, None, None] + axis[:, None] + 0 * axis
         columns = 3 * self.mesh.columns[:, None, None] + 0 * axis[:, None] + axis
-        return SymmetricBand(rows.ravel(), columns.ravel(), 3 * self.mesh.n_nodes)
+        return symmetric_solver(rows.ravel(), columns.ravel(), 3 * self.mesh.n_nodes)
 
     @cached_property
-    def scalar_band(self) -> GeneralBand:
+    def scalar_solver(self) -> DominatedByDiagonal:
         """Solver for (V, V) matrices of node concentrations."""
-        return GeneralBand(self.mesh.rows, self.mesh.columns, self.mesh.n_nodes)
+        return DominatedByDiagonal(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:

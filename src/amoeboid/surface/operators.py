@@ -105,12 +105,67 @@ def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-u
 def normal_projection(entries: Array, normals: Array, mesh: Connectivity) -> Array:
     """Entries (P,) of N^T S N for a scalar matrix S given by `entries`, N the node normals:
     n_i . (S (n u))_i for a normal motion u."""
-    return np.einsum("pi,pi->p", normals[mesh.rows], normals[mesh.columns]) * entries
+    return np.asarray(_normal_projection(entries, normals, mesh.row_start, mesh.columns))
+
+
+@compiled
+def _normal_projection(entries, normals, row_start, columns):  # type: ignore[no-untyped-def]
+    projected = np.empty(len(columns))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = columns[k]
+            projected[k] = entries[k] * (
+                normals[i, 0] * normals[j, 0]
+                + normals[i, 1] * normals[j, 1]
+                + normals[i, 2] * normals[j, 2]
+            )
+    return projected
 
 
 def normal_blocks(entries: Array, normals: Array, mesh: Connectivity) -> Array:
     """Blocks (P, 3, 3) of N S N^T for a scalar matrix S given by `entries`, N the node normals."""
-    return np.asarray(np.einsum("p,pi,pj->pij", entries, normals[mesh.rows], normals[mesh.columns]))
+    return np.asarray(_normal_blocks(entries, normals, mesh.row_start, mesh.columns))
+
+
+@compiled
+def _normal_blocks(entries, normals, row_start, columns):  # type: ignore[no-untyped-def]
+    blocks = np.empty((len(columns), 3, 3))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            for p in range(3):
+                for q in range(3):
+                    blocks[k, p, q] = entries[k] * normals[i, p] * normals[columns[k], q]
+    return blocks
+
+
+def product(entries: Array, mesh: Connectivity, x: Array) -> Array:
+    """The matrix of entries given on the pattern of `mesh` times node values x (V,), (V,)."""
+    return np.asarray(_product(entries, mesh.row_start, mesh.columns, x))
+
+
+@compiled
+def _product(entries, row_start, columns, x):  # type: ignore[no-untyped-def]
+    y = np.zeros(len(row_start) - 1)
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            y[i] += entries[k] * x[columns[k]]
+    return y
+
+
+def block_product(blocks: Array, mesh: Connectivity, v: Array) -> Array:
+    """The matrix of blocks given on the pattern of `mesh` times node vectors v (V, 3), (V, 3)."""
+    return np.asarray(_block_product(blocks, mesh.row_start, mesh.columns, v))
+
+
+@compiled
+def _block_product(blocks, row_start, columns, v):  # type: ignore[no-untyped-def]
+    product = np.zeros((len(row_start) - 1, 3))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            for p in range(3):
+                for q in range(3):
+                    product[i, p] += blocks[k, p, q] * v[columns[k], q]
+    return product
 
 
 def block_matrix(blocks: Array, mesh: Connectivity) -> bsr_array:

@@ -233,7 +233,7 @@ def _faces_around(mesh: Connectivity) -> Callable[[int], Index]:
 
 
 def _qualities(r: Array, *triangles: tuple[Index, Index, Index]) -> list[Array]:
-    return [triangle_quality(r[np.column_stack(t)]) for t in triangles]
+    return [triangle_quality(r, np.column_stack(t)) for t in triangles]
 
 
 def _in_order(wanted: NDArray[np.bool_], key: Array) -> Index:

@@ -36,10 +36,9 @@ AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
 # A mesh with worse triangles than this (1 is equilateral) is no longer a discretization.
 LEAST_QUALITY = 0.02
-# Share of the way to their resting place that nodes drift in a time 1/model.rate, and while the
-# shape moves by R0; at most half of it in one step.
+# Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
+# it in one step.
 MESH_RELAXATION = 1.0
-MESH_PURSUIT = 4.0
 # The implicit equations are solved once a pass changes no more than this share of the first.
 CONVERGED = 0.05
 NO_CHANGE = 1e-9
@@ -73,7 +72,8 @@ def semi_implicit_step(
     known = scheme.combined([state.r for state in past])
     g = geometry(r_ahead, model.mesh.faces)
     near = cortex(model, r_ahead, g, scheme.dt, now.zeta0, None if flow is None else flow.v_c)
-    start = known + scheme.dt * _mesh_drift(model, past, dt, r_ahead, g)
+    drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
+    start = known + scheme.dt * drift
 
     r, c, zeta0, v_c, distance = r_ahead, c_ahead, now.zeta0, None, 0.0
     for _ in range(MOST_PASSES):
@@ -93,16 +93,6 @@ def semi_implicit_step(
     new = State(t, r, c, zeta0, _position(model, past, scheme, r, flow))
     _check(model, now, new)
     return new, flow
-
-
-def _mesh_drift(model: Model, past: Sequence[State], dt: float, r: Array, g: Geometry) -> Array:
-    """Tangential velocity of the nodes (V, 3): fast enough for what the shape has just done."""
-    rate = MESH_RELAXATION * model.rate
-    if len(past) == 2:
-        elapsed = past[0].t - past[1].t
-        moved = np.abs(np.einsum("vi,vi->v", past[0].r - past[1].r, g.normals)).max()
-        rate += MESH_PURSUIT * float(moved) / (elapsed * model.parameters.R0)
-    return min(rate, 0.5 / dt) * relaxation(r, g, model.mesh)
 
 
 def difference(

@@ -39,7 +39,7 @@ def transported(
     entries -= added
     entries[model.diagonal] += _sums(added, model) + g.node_areas * (1.0 + dt * p.beta)
     gained = dt * p.beta * p.c0 * g.node_areas
-    return model.scalar_band.factor(entries).solve(filaments + given_back + gained)
+    return model.scalar_solver.solve(entries, filaments + given_back + gained, guess=c_ahead)
 
 
 def added_diffusion(entries: Array, model: Model) -> Array:
@@ -60,6 +60,8 @@ def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array
 
     No more than makes a new extremum among its neighbors, and no node gives more than its `stock`.
     """
+    if not added.any():
+        return np.zeros_like(c)
     rows, columns, starts = model.mesh.rows, model.mesh.columns, model.mesh.row_start[:-1]
     step = c[rows] - c[columns]
     fluxes = added * step
