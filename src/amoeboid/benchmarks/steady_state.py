@@ -1,0 +1,89 @@
+"""Time to the steady state: the default scheme measured whole, the explicit one extrapolated."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from statistics import mean
+from typing import Any
+
+from amoeboid.config import Config
+from amoeboid.simulation import Step, evolve, start
+from amoeboid.surface.explicit import explicit_step
+from amoeboid.surface.model import Model
+from amoeboid.surface.stepping import StepFailed, semi_implicit_step
+
+# The paper's time step, in units of 1/rate.
+EXPLICIT_STEP = 1e-5
+# Places along the trajectory where the explicit scheme is timed, and steps there that do not count.
+PLACES = 5
+WARM_UP = 50
+
+
+def time_to_steady_state(config: Config, explicit_steps: int) -> dict[str, Any]:
+    """Wall-clock times [s] to the end of the run of `config`, and their ratio.
+
+    The default scheme runs to its end, without output. The explicit scheme is started from
+    `PLACES` states of that run and makes `explicit_steps` steps in all; its mean time per step
+    times the number of its steps to the same end is what it would take. Where its step is too
+    long for the shape, the entry says so and the ratio is None. Raises Diverged.
+    """
+    model, first = start(config)
+    semi_implicit_step(model, first.state, EXPLICIT_STEP / model.rate)  # compiles
+    began = time.perf_counter()
+    model, first = start(config)
+    started = time.perf_counter()
+    steps = list(evolve(model, first, config.time))
+    ended = time.perf_counter()
+    last = steps[-1]
+    default = {
+        "scheme": config.time.scheme,
+        "how": "measured",
+        "start_s": started - began,
+        "wall_s": ended - started,
+        "steps": last.number,
+        "t": last.state.t,
+        "ended": last.ended,
+        "steady": last.steady,
+    }
+    try:
+        explicit = _extrapolated(model, [first, *steps], explicit_steps)
+        ratio = explicit["wall_s"] / default["wall_s"]
+    except StepFailed as error:
+        why = f"the step {EXPLICIT_STEP:g}/rate of the explicit scheme is too long here: {error}"
+        explicit, ratio = {"scheme": "explicit", "how": "not measured", "why": why}, None
+    return {
+        "nodes": model.mesh.n_nodes,
+        "default": default,
+        "explicit": explicit,
+        "ratio": ratio,
+    }
+
+
+def _extrapolated(model: Model, steps: Sequence[Step], count: int) -> dict[str, Any]:
+    dt = EXPLICIT_STEP / model.rate
+    each = max(1, count // PLACES)
+    t_end = steps[-1].state.t
+    states = [
+        next(s.state for s in steps if s.state.t >= k * t_end / PLACES) for k in range(PLACES)
+    ]
+    seconds = []
+    for state in states:
+        flow = None
+        for _ in range(WARM_UP):
+            state, flow = explicit_step(model, state, dt, flow)
+        began = time.perf_counter()
+        for _ in range(each):
+            state, flow = explicit_step(model, state, dt, flow)
+        seconds.append((time.perf_counter() - began) / each)
+    needed = round(t_end / dt)
+    return {
+        "scheme": "explicit",
+        "how": "extrapolated",
+        "dt": dt,
+        "steps_measured": each * PLACES,
+        "s_per_step": mean(seconds),
+        "s_per_step_range": [min(seconds), max(seconds)],
+        "steps": needed,
+        "wall_s": mean(seconds) * needed,
+    }
