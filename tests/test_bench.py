@@ -1,4 +1,4 @@
-"""`amoeboid bench`: what it reports, and that its parts measure what they say; no times demanded."""
+"""`amoeboid bench`: what it reports, and that its parts measure what they say."""
 
 import json
 import time
