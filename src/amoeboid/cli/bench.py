@@ -153,7 +153,7 @@ def _print_run(console: Any, run: dict[str, Any]) -> None:
         lines += [
             f"  explicit: {explicit['wall_s']:.4g} s extrapolated, {explicit['steps']} steps of "
             f"{1e3 * explicit['s_per_step']:.3g} ms ({explicit['steps_measured']} measured)",
-            f"  ratio {run['ratio']:.0f}",
+            f"  ratio {run['ratio']:.0f}, in processor time {run['cpu_ratio']:.0f}",
         ]
     console.print("\n".join(lines), markup=False, soft_wrap=True)
 
