@@ -149,7 +149,7 @@ def test_solvers_are_as_before_once_the_phases_have_been_timed():
     model, first = start(config)
     original, solver = stepping.force_balance, model.vector_band
     plain = next(evolve(model, first, config.time))
-    with pytest.raises(KeyError), phases_timed(model) as watch:
+    with pytest.raises(KeyError), phases_timed() as watch:
         assert stepping.force_balance is not original
         seen = next(evolve(model, first, config.time))
         raise KeyError

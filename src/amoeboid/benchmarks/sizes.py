@@ -26,7 +26,7 @@ def step_times(config: Config, subdivisions: int, steps: int) -> dict[str, Any]:
     time = replace(config.time, end=1e6 / config.parameters.rate, stop_when_steady=False)
     model, first = simulation.start(config)
     rejected, phases, totals = 0, [], []
-    with phases_timed(model) as watch:
+    with phases_timed() as watch:
         run = simulation.evolve(model, first, time)
         for number in range(WARM_UP + steps):
             watch.read()

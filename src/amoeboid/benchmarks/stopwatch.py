@@ -139,24 +139,28 @@ class _TimedFactor:
 
 
 @contextmanager
-def phases_timed(model: Model) -> Iterator[Stopwatch]:
-    """A stopwatch that runs while steps of `model` are made by any part of the package."""
+def phases_timed() -> Iterator[Stopwatch]:
+    """A stopwatch that runs while steps are made by any part of the package."""
     watch = Stopwatch()
     replaced: list[tuple[Any, str, Any]] = []
-    solver = model.vector_band
+    vector_band = vars(Model)["vector_band"]
+
+    def timed_band(model: Model) -> _TimedSolver:
+        return _TimedSolver(vector_band.__get__(model, Model), watch)
+
+    def replace(owner: Any, name: str, value: Any) -> None:
+        replaced.append((owner, name, vars(owner)[name]))
+        setattr(owner, name, value)
+
     try:
         for phase, function in _TIMED:
             in_phase = watch.timing(phase, function)
             for module in [m for n, m in sys.modules.items() if n.startswith("amoeboid.")]:
-                if module.__name__ == __name__:
-                    continue
-                for name in [n for n, value in vars(module).items() if value is function]:
-                    setattr(module, name, in_phase)
-                    replaced.append((module, name, function))
-        # a cached property lives in the dictionary of its object
-        model.__dict__["vector_band"] = _TimedSolver(solver, watch)
+                if module.__name__ != __name__:
+                    for name in [n for n, value in vars(module).items() if value is function]:
+                        replace(module, name, in_phase)
+        replace(Model, "vector_band", property(timed_band))
         yield watch
     finally:
-        model.__dict__["vector_band"] = solver
-        for module, name, function in replaced:
-            setattr(module, name, function)
+        for owner, name, value in replaced:
+            setattr(owner, name, value)

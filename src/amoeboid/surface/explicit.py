@@ -33,10 +33,12 @@ from amoeboid.surface.geometry import (
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.operators import advection, scalar_matrix, stiffness
 from amoeboid.surface.relaxation import relaxation
-from amoeboid.surface.stepping import MESH_RELAXATION, StepFailed, _check
+from amoeboid.surface.stepping import StepFailed, _check
 
 Array = NDArray[np.float64]
 
+# Share of the way to the middle of their triangles that nodes go in one unit of model.rate.
+MESH_RELAXATION = 2.0
 # Residual force left by the conjugate gradients, relative to the pressure force plus the viscous
 # force of a flow at model.rate.
 RESIDUAL = 1e-7
@@ -137,7 +139,7 @@ def redistribution(model: Model, r: Array, g: Geometry, v: Array, dt: float) -> 
     """Tangential move (V, 3) of nodes that v has carried along for dt.
 
     Back to where only the normal part of v would have brought them, and by a small share towards
-    the middle of their triangles, as in the semi-implicit scheme.
+    the middle of their triangles.
     """
     drift = min(0.5, MESH_RELAXATION * model.rate * dt) * relaxation(r, g, model.mesh)
     return drift - dt * (v - normal_part(v, g.normals))
