@@ -17,6 +17,7 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "bench": "timings of the 3D solver: by size, against the explicit scheme, against a peer",
 }
 
 FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
