@@ -26,7 +26,9 @@ from amoeboid.validation import (
     vector,
 )
 
-SCHEMES = ("semi-implicit",)
+SCHEMES = ("semi-implicit", "explicit")
+# The step of the explicit scheme in the paper, in units of 1/rate.
+EXPLICIT_STEP = 1e-5
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper.
 POLARIZATION = 3.0
 # Fields of [initial] that name a file.
@@ -82,7 +84,9 @@ class Time:
     end: float = automatic("simulated time at which the run ends, 200/rate", "T", gt=0)
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
     tolerance: float = number(1e-3, "error allowed in one step, relative to c0 and R0", gt=0)
-    max_step: float = automatic("longest time step, 0.5/rate", "T", gt=0)
+    max_step: float = automatic(
+        "longest step, 0.5/rate; if explicit the step, 1e-5/rate", "T", gt=0
+    )
     stop_when_steady: bool = flag(True, "end the run once nothing changes any more")
 
     def __post_init__(self) -> None:
@@ -133,12 +137,13 @@ def resolved(config: Config) -> Config:
     if None not in (time.end, time.max_step, output.interval):
         return config
     unit = 1.0 / config.parameters.rate
+    longest = EXPLICIT_STEP if time.scheme == "explicit" else 0.5
     return replace(
         config,
         time=replace(
             time,
             end=200 * unit if time.end is None else time.end,
-            max_step=0.5 * unit if time.max_step is None else time.max_step,
+            max_step=longest * unit if time.max_step is None else time.max_step,
         ),
         output=Output(interval=0.5 * unit if output.interval is None else output.interval),
     )

@@ -13,6 +13,7 @@ import numpy as np
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.multistep import error_share, extrapolated
+from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import geometry, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
@@ -117,6 +118,27 @@ def _ended(step: Step, time: Time, events: Sequence[Event]) -> Step:
 
 
 def _next(step: Step, time: Time) -> Step:
+    """One step of the scheme that is asked for."""
+    return _explicit(step, time) if time.scheme == "explicit" else _semi_implicit(step, time)
+
+
+def _explicit(step: Step, time: Time) -> Step:
+    """One step of the paper's algorithm, whose length is given."""
+    remaining = time.end - step.state.t
+    length = remaining if time.max_step > 0.999 * remaining else time.max_step
+    model = step.model
+    try:
+        state, flow = explicit_step(model, step.state, length, step.flow)
+    except StepFailed as error:
+        raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
+    rate, still = _rate(model, state, flow)
+    history = (state, step.state)
+    return Step(
+        step.number + 1, model, history, flow, time.max_step, 0, rate, still and rate <= step.rate
+    )
+
+
+def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
     model, past = remeshed(step.model, step.history)
     flow_before = step.flow if model is step.model else None

@@ -105,6 +105,10 @@ class Run:
         self.rows.append(row)
         return row
 
+    def row_due(self, step: Step) -> bool:
+        """Whether the step belongs into the time series: of explicit ones those with a frame."""
+        return self.config.time.scheme != "explicit" or self.frame_due(step)
+
     def frame_due(self, step: Step) -> bool:
         """Whether output.interval has passed since the last frame."""
         if not self.frame_times:

@@ -100,7 +100,7 @@ def _ours(task: Problem, repetitions: int) -> tuple[Array, dict[str, Timing]]:
         found["matrix"] = blocks
 
     def factor() -> None:
-        found["factor"] = model.vector_band.factor(found["matrix"])
+        found["factor"] = model.vector_solver.factor(found["matrix"])
 
     def solve() -> None:
         found["v"] = found["factor"].solve(task.force.ravel())

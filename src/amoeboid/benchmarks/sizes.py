@@ -24,15 +24,15 @@ def step_times(config: Config, subdivisions: int, steps: int) -> dict[str, Any]:
     config = replace(config, mesh=Mesh(subdivisions=subdivisions))
     # nothing may end the run before the last step is measured
     time = replace(config.time, end=1e6 / config.parameters.rate, stop_when_steady=False)
-    model, first = simulation.start(config)
+    first = simulation.start(config)
     rejected, phases, totals = 0, [], []
     with phases_timed() as watch:
-        run = simulation.evolve(model, first, time)
+        run = simulation.evolve(first, time)
         for number in range(WARM_UP + steps):
             watch.read()
             with watch.phase("control"):
                 step = next(run)
-            observables.observed(model, step.state, step.flow)
+            observables.observed(step.model, step.state, step.flow)
             seconds = watch.read()
             if number == WARM_UP - 1:
                 rejected = step.rejected
@@ -41,7 +41,7 @@ def step_times(config: Config, subdivisions: int, steps: int) -> dict[str, Any]:
                 totals.append(sum(seconds.values()))
     return {
         "subdivisions": subdivisions,
-        "nodes": model.mesh.n_nodes,
+        "nodes": first.model.mesh.n_nodes,
         "step": asdict(Timing.of(totals)),
         "phases": {name: _phase(name, phases) for name in PHASES},
         "rejected": step.rejected - rejected,

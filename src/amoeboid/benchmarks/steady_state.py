@@ -7,14 +7,11 @@ from collections.abc import Sequence
 from statistics import mean
 from typing import Any
 
-from amoeboid.config import Config
+from amoeboid.config import EXPLICIT_STEP, Config
 from amoeboid.simulation import Step, evolve, start
 from amoeboid.surface.explicit import explicit_step
-from amoeboid.surface.model import Model
 from amoeboid.surface.stepping import StepFailed
 
-# The paper's time step, in units of 1/rate.
-EXPLICIT_STEP = 1e-5
 # Places along the trajectory where the explicit scheme is timed, and steps there that do not count.
 PLACES = 5
 WARM_UP = 50
@@ -30,12 +27,11 @@ def time_to_steady_state(config: Config, explicit_steps: int) -> dict[str, Any]:
     times the number of its steps to the same end is what it would take. Where its step is too
     long for the shape, the entry says so and the ratios are None. Raises Diverged.
     """
-    model, first = start(config)
-    next(evolve(model, first, config.time))  # compiles what was not compiled before
+    next(evolve(start(config), config.time))  # compiles what was not compiled before
     began = time.perf_counter()
-    model, first = start(config)
+    first = start(config)
     started, cpu_started = time.perf_counter(), time.process_time()
-    steps = list(evolve(model, first, config.time))
+    steps = list(evolve(first, config.time))
     ended, cpu_ended = time.perf_counter(), time.process_time()
     last = steps[-1]
     default = {
@@ -50,14 +46,14 @@ def time_to_steady_state(config: Config, explicit_steps: int) -> dict[str, Any]:
         "steady": last.steady,
     }
     try:
-        explicit = _extrapolated(model, [first, *steps], explicit_steps)
+        explicit = _extrapolated([first, *steps], explicit_steps)
         ratios = {"ratio": "wall_s", "cpu_ratio": "cpu_s"}
         ratio = {name: explicit[key] / default[key] for name, key in ratios.items()}
     except StepFailed as error:
         why = f"the step {EXPLICIT_STEP:g}/rate of the explicit scheme is too long here: {error}"
         explicit, ratio = {"scheme": "explicit", "how": "not measured", "why": why}, {}
     return {
-        "nodes": model.mesh.n_nodes,
+        "nodes": first.model.mesh.n_nodes,
         "default": default,
         "explicit": explicit,
         "ratio": ratio.get("ratio"),
@@ -65,16 +61,14 @@ def time_to_steady_state(config: Config, explicit_steps: int) -> dict[str, Any]:
     }
 
 
-def _extrapolated(model: Model, steps: Sequence[Step], count: int) -> dict[str, Any]:
-    dt = EXPLICIT_STEP / model.rate
+def _extrapolated(steps: Sequence[Step], count: int) -> dict[str, Any]:
+    dt = EXPLICIT_STEP / steps[0].model.rate
     each = max(1, count // PLACES)
     t_end = steps[-1].state.t
-    states = [
-        next(s.state for s in steps if s.state.t >= k * t_end / PLACES) for k in range(PLACES)
-    ]
+    places = [next(s for s in steps if s.state.t >= k * t_end / PLACES) for k in range(PLACES)]
     seconds, cpu_seconds = [], []
-    for state in states:
-        flow = None
+    for place in places:
+        model, state, flow = place.model, place.state, None
         for _ in range(WARM_UP):
             state, flow = explicit_step(model, state, dt, flow)
         began, cpu_began = time.perf_counter(), time.process_time()

@@ -18,7 +18,7 @@ from typing import Any
 
 from amoeboid.numerics.banded import Factor
 from amoeboid.observables import observed
-from amoeboid.surface.force_balance import force_balance
+from amoeboid.surface.force_balance import cortex, force_balance
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.model import Model
 from amoeboid.surface.stepping import semi_implicit_step
@@ -44,6 +44,7 @@ observables.
 
 _TIMED: tuple[tuple[str, Callable[..., Any]], ...] = (
     ("geometry", geometry),
+    ("assembly", cortex),
     ("assembly", force_balance),
     ("shape", semi_implicit_step),
     ("transport", transported),
@@ -143,10 +144,10 @@ def phases_timed() -> Iterator[Stopwatch]:
     """A stopwatch that runs while steps are made by any part of the package."""
     watch = Stopwatch()
     replaced: list[tuple[Any, str, Any]] = []
-    vector_band = vars(Model)["vector_band"]
+    vector_solver = vars(Model)["vector_solver"]
 
-    def timed_band(model: Model) -> _TimedSolver:
-        return _TimedSolver(vector_band.__get__(model, Model), watch)
+    def timed_solver(model: Model) -> _TimedSolver:
+        return _TimedSolver(vector_solver.__get__(model, Model), watch)
 
     def replace(owner: Any, name: str, value: Any) -> None:
         replaced.append((owner, name, vars(owner)[name]))
@@ -159,7 +160,7 @@ def phases_timed() -> Iterator[Stopwatch]:
                 if module.__name__ != __name__:
                     for name in [n for n, value in vars(module).items() if value is function]:
                         replace(module, name, in_phase)
-        replace(Model, "vector_band", property(timed_band))
+        replace(Model, "vector_solver", property(timed_solver))
         yield watch
     finally:
         for owner, name, value in replaced:

@@ -141,7 +141,8 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
         with _interruptible() as interruption, _progress(run) as report:
             for step in evolve(first, run.config.time, [interruption]):
                 last, why = step, step.ended or ""
-                report(run.append(step))
+                if run.row_due(step):
+                    report(run.append(step))
                 if run.frame_due(step):
                     run.save(step)
     except Diverged as error:
@@ -154,6 +155,8 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
     if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
     if run.frame_times[-1][0] < last.state.t:
+        if run.rows[-1]["step"] < last.number:
+            run.append(last)
         run.save(last)
     return last, status, why
 

@@ -33,7 +33,7 @@ from amoeboid.surface.geometry import (
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.operators import advection, scalar_matrix, stiffness
 from amoeboid.surface.relaxation import relaxation
-from amoeboid.surface.stepping import StepFailed, _check
+from amoeboid.surface.stepping import StepFailed, check_step
 
 Array = NDArray[np.float64]
 
@@ -75,7 +75,7 @@ def explicit_step(
     )
     if not new.c.min() >= 0:
         raise StepFailed(f"the concentration is no longer >= 0: {new.c.min():.3g}")
-    _check(model, new, g, geometry(new.r, mesh.faces))
+    check_step(model, state, new)
     return new, Flow(v_c - drift, v_p, zeta0, g.normals, g.node_areas)
 
 

@@ -2,9 +2,9 @@
 
 Edges that are too long are split, edges that are too short collapsed, and edges flipped where that
 makes the worse of their two triangles better (M. Botsch, L. Kobbelt, Symposium on Geometry
-Processing 2004, section 4). The membrane area is constant, so that the number of nodes hardly changes. All the rest
-of the mesh stays as it is, and its nodes keep their values exactly. What is changed keeps its
-filaments: the nodes around each change hold as many after it as before.
+Processing 2004, section 4). The membrane area is constant, so that the number of nodes hardly
+changes. The rest of the mesh stays as it is, and its nodes keep their values exactly. What is
+changed keeps its filaments: the nodes around each change hold as many after it as before.
 """
 
 from __future__ import annotations

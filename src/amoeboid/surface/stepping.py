@@ -91,7 +91,7 @@ def semi_implicit_step(
     else:
         raise StepFailed("the implicit equations of the step do not converge")
     new = State(t, r, c, zeta0, _position(model, past, scheme, r, flow))
-    _check(model, now, new)
+    check_step(model, now, new)
     return new, flow
 
 
@@ -196,7 +196,8 @@ def _area_preserving_move(
     raise StepFailed("no tension keeps the area over this step")
 
 
-def _check(model: Model, old: State, new: State) -> None:
+def check_step(model: Model, old: State, new: State) -> None:
+    """Raise StepFailed unless the new state is a cell on a mesh in order."""
     if not (np.all(np.isfinite(new.r)) and np.all(np.isfinite(new.c)) and np.isfinite(new.zeta0)):
         raise StepFailed("a node position, concentration or tension is not finite")
     before, after = (face_vectors(state.r, model.mesh.faces) for state in (old, new))
