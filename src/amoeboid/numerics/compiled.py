@@ -11,10 +11,11 @@ from numba import njit
 def compiled(kernel: Callable[..., Any]) -> Any:
     """`kernel` compiled at its first call, and kept on disk for later programs.
 
+    A division by zero gives inf or nan, as in NumPy, for the callers' checks to find.
     Where nothing can be written (a read-only installation without a home folder) it is compiled
     anew in every program.
     """
     try:
-        return njit(cache=True)(kernel)
+        return njit(cache=True, error_model="numpy")(kernel)
     except RuntimeError:  # numba finds no folder for its cache
-        return njit(kernel)
+        return njit(error_model="numpy")(kernel)

@@ -124,6 +124,32 @@ def area(r: Array, faces: Index) -> float:
     return float(np.sqrt(np.einsum("fi,fi->f", vectors, vectors)).sum())
 
 
+def area_along(r: Array, faces: Index, direction: Array) -> tuple[float, float]:
+    """Surface area, and its derivative as the nodes move along `direction` (V, 3)."""
+    return _area_along(r, faces, direction)
+
+
+@compiled
+def _area_along(r, faces, direction):  # type: ignore[no-untyped-def]
+    u, v, n = np.empty(3), np.empty(3), np.empty(3)
+    du, dv, dn = np.empty(3), np.empty(3), np.empty(3)
+    total, growth = 0.0, 0.0
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
+            du[d], dv[d] = direction[j, d] - direction[i, d], direction[k, d] - direction[i, d]
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            n[d] = u[p] * v[q] - u[q] * v[p]
+            dn[d] = du[p] * v[q] - du[q] * v[p] + u[p] * dv[q] - u[q] * dv[p]
+        twice = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        total += 0.5 * twice
+        if twice > 0.0:
+            growth += 0.5 * (n[0] * dn[0] + n[1] * dn[1] + n[2] * dn[2]) / twice
+    return total, growth
+
+
 def node_areas(r: Array, faces: Index) -> Array:
     """A third of the areas of the triangles around each node (V,) [length^2]."""
     vectors = face_vectors(r, faces)
@@ -167,19 +193,42 @@ def triangle_quality(r: Array, faces: Index) -> Array:
 @compiled
 def _triangle_quality(r, faces):  # type: ignore[no-untyped-def]
     quality = np.empty(faces.shape[0])
+    u, v = np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
-        a, b, c = r[faces[f, 0]], r[faces[f, 1]], r[faces[f, 2]]
-        u, v = b - a, c - a
-        w = v - u
-        n = np.cross(u, v)
-        squares = np.sum(u * u) + np.sum(v * v) + np.sum(w * w)
-        quality[f] = 2.0 * np.sqrt(3.0) * np.sqrt(np.sum(n * n)) / squares
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        uu, uv, vv = 0.0, 0.0, 0.0
+        for d in range(3):
+            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
+            uu += u[d] * u[d]
+            uv += u[d] * v[d]
+            vv += v[d] * v[d]
+        twice = np.sqrt(max(uu * vv - uv * uv, 0.0))
+        squares = 2.0 * (uu + vv - uv)
+        quality[f] = 2.0 * np.sqrt(3.0) * twice / squares if squares > 0.0 else 0.0
     return quality
 
 
 def mesh_quality(r: Array, faces: Index) -> float:
     """Smallest quality of a triangle."""
     return float(triangle_quality(r, faces).min())
+
+
+def extreme_edges(r: Array, faces: Index) -> tuple[float, float]:
+    """Lengths of the shortest and the longest edge."""
+    return _extreme_edges(r, faces)
+
+
+@compiled
+def _extreme_edges(r, faces):  # type: ignore[no-untyped-def]
+    low, high = np.inf, 0.0
+    for f in range(faces.shape[0]):
+        for a in range(3):
+            i, j = faces[f, a], faces[f, (a + 1) % 3]
+            square = 0.0
+            for d in range(3):
+                square += (r[j, d] - r[i, d]) ** 2
+            low, high = min(low, square), max(high, square)
+    return np.sqrt(low), np.sqrt(high)
 
 
 def weighted_area_gradient(g: Geometry, faces: Index, weights: Array) -> Array:

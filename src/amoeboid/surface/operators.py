@@ -48,10 +48,18 @@ def tensile_stiffness(g: Geometry, mesh: Connectivity, stress: Array) -> Array:
 @compiled
 def _tensile_stiffness(areas, normals, gradients, slots, n_slots, stress):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
+    t, s = np.empty(3), np.empty(3)
+    along, across = np.empty(3), np.empty(3)
     for f in range(areas.shape[0]):
         # tangent basis: along the gradient of corner 0, and across
-        t = gradients[f, 0] / np.sqrt(np.sum(gradients[f, 0] ** 2))
-        s = np.cross(normals[f], t)
+        length = np.sqrt(
+            gradients[f, 0, 0] ** 2 + gradients[f, 0, 1] ** 2 + gradients[f, 0, 2] ** 2
+        )
+        for d in range(3):
+            t[d] = gradients[f, 0, d] / length
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            s[d] = normals[f, p] * t[q] - normals[f, q] * t[p]
         tt, ts, ss = 0.0, 0.0, 0.0
         for p in range(3):
             for q in range(3):
@@ -67,11 +75,16 @@ def _tensile_stiffness(areas, normals, gradients, slots, n_slots, stress):  # ty
         else:
             tt, ts, ss = high, 0.0, high
         for a in range(3):
-            ta, sa = np.sum(t * gradients[f, a]), np.sum(s * gradients[f, a])
+            along[a], across[a] = 0.0, 0.0
+            for d in range(3):
+                along[a] += t[d] * gradients[f, a, d]
+                across[a] += s[d] * gradients[f, a, d]
+        for a in range(3):
             for b in range(3):
-                tb, sb = np.sum(t * gradients[f, b]), np.sum(s * gradients[f, b])
                 entries[slots[f, a, b]] += areas[f] * (
-                    tt * ta * tb + ts * (ta * sb + sa * tb) + ss * sa * sb
+                    tt * along[a] * along[b]
+                    + ts * (along[a] * across[b] + across[a] * along[b])
+                    + ss * across[a] * across[b]
                 )
     return entries
 

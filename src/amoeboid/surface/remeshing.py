@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from amoeboid.surface.geometry import (
     area,
     area_gradient,
+    extreme_edges,
     face_vectors,
     geometry,
     mesh_quality,
@@ -76,6 +77,8 @@ def remeshed(model: Model, history: Sequence[State]) -> tuple[Model, tuple[State
     the area A0 exactly.
     """
     states, mesh = tuple(history), model.mesh
+    if in_order(states[0].r, mesh.faces, model.edge_length):
+        return model, states
     for find in (splits, collapses, flips):
         for _ in range(MOST_ROUNDS):
             change = find(states[0].r, mesh, model.edge_length)
@@ -92,6 +95,16 @@ def remeshed(model: Model, history: Sequence[State]) -> tuple[Model, tuple[State
     shift = missing / float(np.sum(area_gradient(g, faces) * g.normals)) * g.normals
     states = tuple(replace(s, r=s.r + shift) for s in states)
     return Model(model.parameters, connectivity(faces), model.edge_length), states
+
+
+def in_order(r: Array, faces: Index, edge_length: float) -> bool:
+    """Whether all edges have a length, and all triangles a quality, to be left alone."""
+    shortest, longest = extreme_edges(r, faces)
+    return (
+        shortest >= SHORTEST * edge_length
+        and longest <= LONGEST * edge_length
+        and mesh_quality(r, faces) > GOOD_QUALITY
+    )
 
 
 def splits(r: Array, mesh: Connectivity, edge_length: float) -> Change | None:

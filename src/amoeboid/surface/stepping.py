@@ -14,21 +14,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.multistep import BackwardDifference, backward_difference, extrapolated
+from amoeboid.numerics.multistep import backward_difference, extrapolated
 from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
-    area,
-    area_gradient,
+    area_along,
     face_vectors,
     geometry,
     mesh_quality,
+    node_areas,
     normal_part,
     volume_centroid,
 )
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import relaxation
-from amoeboid.surface.transport import filaments, transported
+from amoeboid.surface.transport import transported
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,8 @@ LEAST_QUALITY = 0.02
 # Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
 # it in one step.
 MESH_RELAXATION = 1.0
-# The implicit equations are solved once a pass changes no more than this share of the first.
+# The implicit equations count as solved when no more than this share of the largest change by a
+# pass is still to come: a third of the error of a step.
 CONVERGED = 0.05
 NO_CHANGE = 1e-9
 MOST_PASSES = 8
@@ -75,24 +76,37 @@ def semi_implicit_step(
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = known + scheme.dt * drift
 
-    r, c, zeta0, v_c, distance = r_ahead, c_ahead, now.zeta0, None, 0.0
-    for _ in range(MOST_PASSES):
+    numbers = [state.c * node_areas(state.r, model.mesh.faces) for state in past]
+    r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
+    changes: list[float] = []
+    while not _converged(changes):
         solution = force_balance(model, near, r, g, c, r - known, v_c)
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
         v = solution.v(zeta0)
         flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
         g_new = geometry(r_new, model.mesh.faces)
-        c_new = _concentration(model, past, scheme, dt, r_new, g_new, v, c)
-        change = difference(model, (r_new, c_new), (r, c), g.normals)
+        c_new = _concentration(model, past, numbers, t, r_new, g_new, v, c)
+        changes.append(difference(model, (r_new, c_new), (r, c), g.normals))
         r, c, g, v_c = r_new, c_new, g_new, flow.v_c
-        distance = max(distance, change)
-        if change <= max(CONVERGED * distance, NO_CHANGE):
-            break
-    else:
-        raise StepFailed("the implicit equations of the step do not converge")
-    new = State(t, r, c, zeta0, _position(model, past, scheme, r, flow))
+    new = State(t, r, c, zeta0, _position(model, past, t, r, flow))
     check_step(model, now, new)
     return new, flow
+
+
+def _converged(changes: Sequence[float]) -> bool:
+    """Whether passes that changed so much have solved the equations. Raises StepFailed.
+
+    What is left to come is estimated from the last two changes, as a geometric series.
+    """
+    if len(changes) < 2:
+        return False
+    before, last = changes[-2:]
+    if last <= NO_CHANGE:
+        return True
+    left = last * last / (before - last) if last < before else np.inf
+    if left > CONVERGED * max(changes) and len(changes) >= MOST_PASSES:
+        raise StepFailed("the implicit equations of the step do not converge")
+    return bool(left <= CONVERGED * max(changes))
 
 
 def difference(
@@ -109,18 +123,20 @@ def difference(
 def _concentration(
     model: Model,
     past: Sequence[State],
-    scheme: BackwardDifference,
-    dt: float,
+    numbers: Sequence[Array],
+    t: float,
     r: Array,
     g: Geometry,
     v: Array,
     c_ahead: Array,
 ) -> Array:
-    """The filament balance over the step. Where second order would make c negative, first order."""
-    faces = model.mesh.faces
-    numbers = [filaments(state.c, geometry(state.r, faces)) for state in past]
-    first_order = backward_difference([past[0].t], past[0].t + dt)
-    for backward in dict.fromkeys((scheme, first_order)):
+    """The filament balance up to time t; `numbers` (V,) of filaments at the past nodes.
+
+    Where second order would make c negative it is of first order.
+    """
+    times = [state.t for state in past]
+    for order in range(len(past), 0, -1):
+        backward = backward_difference(times[:order], t)
         mesh_velocity = (r - backward.combined([state.r for state in past])) / backward.dt
         stock = backward.combined(numbers)
         if stock.min() >= 0:
@@ -130,11 +146,9 @@ def _concentration(
     raise StepFailed(f"the concentration has become negative: {c.min():.3g}")
 
 
-def _position(
-    model: Model, past: Sequence[State], scheme: BackwardDifference, r: Array, flow: Flow
-) -> Array:
+def _position(model: Model, past: Sequence[State], t: float, r: Array, flow: Flow) -> Array:
     """Where the cell is in the laboratory frame, in which the mean cortex velocity vanishes."""
-    faces = model.mesh.faces
+    faces, scheme = model.mesh.faces, backward_difference([state.t for state in past], t)
     frames = [state.position - volume_centroid(state.r, faces) for state in past]
     mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
     frame = scheme.combined(frames) - scheme.dt * mean_v_c
@@ -184,13 +198,11 @@ def _area_preserving_move(
     slope = dt * normal_part(solution.slope, g.normals)
     for _ in range(30):
         r = rest + zeta0 * slope
-        excess = area(r, faces) - A0
-        if not np.isfinite(excess):
-            break
+        found, growth = area_along(r, faces, slope)
+        excess = found - A0
         if abs(excess) < AREA_TOLERANCE * A0:
             return r, zeta0
-        growth = float(np.sum(area_gradient(geometry(r, faces), faces) * slope))
-        if growth >= 0:
+        if not (np.isfinite(excess) and growth < 0):
             break
         zeta0 -= excess / growth
     raise StepFailed("no tension keeps the area over this step")
