@@ -215,7 +215,7 @@ def test_a_frame_is_scaled_to_another_radius_and_takes_perturbations(frame):
 
 def test_a_steady_frame_is_steady(tmp_path):
     config = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=2.0))
-    model, step = ran(config)
+    _, step = ran(config)
     assert step.ended == "steady"
     write_frame(tmp_path / "last.vtp", step)
     first = start(Config(initial=Initial(from_frame=str(tmp_path / "last.vtp"))))
