@@ -72,6 +72,9 @@ def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
     for subdivisions in (2, 3, 4):
         model, last = final(D, v_p0, perturbation, subdivisions, end=1000)
         assert last.ended == "steady"
+        # what still changes then is no longer small against the errors of the finest mesh
+        settle = Time(end=last.state.t + 30, stop_when_steady=False)
+        *_, last = evolve(last, settle)
         found = observed(model, last.state, last.flow)
         for name, value in exact.items():
             table[name].append(found[name] / value - 1)
@@ -80,7 +83,7 @@ def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
         print(f"D = {D}, v_p0 = {v_p0}, {name}: errors {errors}, orders {orders}")
         # on the coarsest mesh the error is larger than its leading order, so it falls faster
         assert np.all(orders > 1.8), name
-        assert orders[-1] == pytest.approx(2, abs=0.25), name
+        assert orders[-1] == pytest.approx(2, abs=0.2), name
         assert abs(errors[-1]) < 0.008
 
 
