@@ -13,7 +13,7 @@ from amoeboid.surface.force_balance import (
 from amoeboid.surface.geometry import area_gradient, geometry, volume_centroid, volume_gradient
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import block_matrix, scalar_matrix, stiffness
+from amoeboid.surface.operators import block_matrix, normal_blocks, scalar_matrix, stiffness
 from amoeboid.surface.stepping import flow_of
 from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
@@ -79,7 +79,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     c = 3 + np.sin(r[:, 0])
     v_c, ahead = np.zeros_like(r), np.zeros_like(r)
     for _ in range(300):
-        solution = force_balance(model, near, r, g, c, ahead, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, ahead, v_c)
         v = solution.v(zeta0)
         v_c, ahead = v - solution.v_p, dt * v
     viscous = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b), mesh) @ v_c.ravel()
@@ -97,8 +97,13 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
         + NORMAL_VISCOSITY * (p.eta_s + p.eta_b) * damping[:, None] * g_near.normals
     )
     residual = viscous + forces.ravel()
-    rigid = np.repeat(g_near.node_areas, 3)[:, None] * rigid_motions(lumpy()[0], g_near)
-    left = residual - rigid @ np.linalg.lstsq(rigid, residual, rcond=None)[0]
+    # a torque over the surface, and what resists translation in `near`
+    rigid = rigid_motions(lumpy()[0], g_near)
+    resisted = near.damping + dt * near.tension
+    stiff = block_matrix(normal_blocks(resisted, g_near.normals, mesh), mesh) @ rigid[:, :3]
+    torques = np.repeat(g_near.node_areas, 3)[:, None] * rigid[:, 3:]
+    keeping = np.hstack([stiff, torques])
+    left = residual - keeping @ np.linalg.lstsq(keeping, residual, rcond=None)[0]
     assert np.abs(left).max() < 1e-6 * np.abs(pressure).max()
     # no rotation of the cortex, no drift of the cell
     rotations = np.repeat(g.node_areas, 3)[:, None] * rigid_motions(r, g)[:, 3:]

@@ -80,7 +80,7 @@ def semi_implicit_step(
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     changes: list[float] = []
     while not _converged(changes):
-        solution = force_balance(model, near, r, g, c, r - known, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, r - known, v_c)
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
         v = solution.v(zeta0)
         flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
@@ -159,7 +159,7 @@ def flow_of(model: Model, state: State, dt: float) -> Flow:
     """The flow in `state`, with the tension that keeps the area over the next dt."""
     g = geometry(state.r, model.mesh.faces)
     near = cortex(model, state.r, g, dt, state.zeta0)
-    solution = force_balance(model, near, state.r, g, state.c)
+    solution = force_balance(model, near, state.r, g, state.c, state.zeta0)
     _, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
     return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
 
@@ -176,7 +176,7 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
     for _ in range(most_steps):
         g = geometry(state.r, model.mesh.faces)
         near = cortex(model, state.r, g, dt, state.zeta0)
-        solution = force_balance(model, near, state.r, g, state.c)
+        solution = force_balance(model, near, state.r, g, state.c, state.zeta0)
         moved, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
         change = np.abs(moved - state.r).max() / model.parameters.R0
         state = State(state.t, moved, state.c, zeta0, state.position)
