@@ -101,16 +101,18 @@ def cortex(
     """
     p, mesh = model.parameters, model.mesh
     viscosity = p.eta_s + p.eta_b
-    stress = zeta0 * np.broadcast_to(np.eye(3), (len(mesh.faces), 3, 3))
+    stress = np.zeros((len(mesh.faces), 3, 3))
     if v_c is not None:
-        stress = stress + viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+        stress = viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+    np.einsum("fii->fi", stress)[:] += zeta0
     tension = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
     dissipation = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
     even = NORMAL_VISCOSITY * viscosity * stiffness(g, mesh)
     damping = normal_projection(even, g.normals, mesh)
-    matrix = dissipation + normal_blocks(damping + dt * tension, g.normals, mesh)
+    matrix = normal_blocks(damping + dt * tension, g.normals, mesh)
+    matrix += dissipation
     shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
-    matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
+    np.einsum("pii->pi", matrix)[model.diagonal] += shift[:, None]
     factor = model.vector_solver.factor(matrix)
     kept = constraints(r, g, mesh.faces)
     force = -tension_force(r, g, mesh.faces).reshape(-1, 1)
@@ -212,7 +214,7 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     # areas about their center: translation and rotation uncouple
     torque, inertia = _moments(normal, about, g.node_areas)
     shift, turn = normal.sum(axis=0) / g.area, np.linalg.solve(inertia, torque)
-    return np.asarray(normal - g.node_areas[:, None] * (shift + np.cross(turn, about)))
+    return np.asarray(_without_rigid(normal, about, g.node_areas, shift, turn))
 
 
 @compiled
@@ -227,6 +229,17 @@ def _moments(force, about, areas):  # type: ignore[no-untyped-def]
             for e in range(3):
                 inertia[d, e] -= areas[i] * about[i, d] * about[i, e]
     return torque, inertia
+
+
+@compiled
+def _without_rigid(force, about, areas, shift, turn):  # type: ignore[no-untyped-def]
+    rest = np.empty(force.shape)
+    for i in range(len(areas)):
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            rigid = shift[d] + turn[p] * about[i, q] - turn[q] * about[i, p]
+            rest[i, d] = force[i, d] - areas[i] * rigid
+    return rest
 
 
 def rigid_motions(r: Array, g: Geometry) -> Array:

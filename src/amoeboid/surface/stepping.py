@@ -79,7 +79,7 @@ def semi_implicit_step(
     numbers = [state.c * node_areas(state.r, model.mesh.faces) for state in past]
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     changes: list[float] = []
-    while not _converged(changes):
+    while True:
         solution = force_balance(model, near, r, g, c, zeta0, r - known, v_c)
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
         v = solution.v(zeta0)
@@ -88,6 +88,8 @@ def semi_implicit_step(
         c_new = _concentration(model, past, numbers, t, r_new, g_new, v, c)
         changes.append(difference(model, (r_new, c_new), (r, c), g.normals))
         r, c, g, v_c = r_new, c_new, g_new, flow.v_c
+        if _converged(changes):
+            break
     new = State(t, r, c, zeta0, _position(model, past, t, r, flow))
     check_step(model, now, new)
     return new, flow
