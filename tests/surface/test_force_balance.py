@@ -121,3 +121,24 @@ def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():
     np.testing.assert_allclose(rigid.T @ force.ravel(), 0, atol=1e-12)
     tangential = force - np.einsum("vi,vi->v", force, g.normals)[:, None] * g.normals
     assert np.linalg.norm(tangential) < 0.02 * np.linalg.norm(force)
+
+
+def test_the_response_to_tension_keeps_the_frame_and_balances_it_on_the_factorized_shape():
+    """(K + normal resistance) slope = -tension force + what keeps translation and rotation."""
+    r, mesh = lumpy()
+    p, dt = Parameters(), 0.3
+    model, g = Model(p, mesh), geometry(r, mesh.faces)
+    near = cortex(model, r, g, dt, 150.0)
+    resisted = normal_blocks(near.damping + dt * near.tension, g.normals, mesh)
+    matrix = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + resisted, mesh)
+    force = normal_force(area_gradient(g, mesh.faces), r, g)
+    rigid = rigid_motions(r, g)
+    torques = np.repeat(g.node_areas, 3)[:, None] * rigid[:, 3:]
+    keeping = np.hstack([matrix @ rigid[:, :3], torques])
+    residual = matrix @ near.slope.ravel() + force.ravel()
+    left = residual - keeping @ np.linalg.lstsq(keeping, residual, rcond=None)[0]
+    assert np.abs(left).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(torques.T @ near.slope.ravel()).max() < 1e-9 * np.abs(near.slope).max()
+    v_n = np.einsum("vi,vi->v", near.slope, g.normals)
+    drift = (g.node_areas * v_n) @ (r - volume_centroid(r, mesh.faces))
+    assert np.abs(drift).max() < 1e-9 * np.abs(v_n).max()

@@ -175,15 +175,20 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
     Raises StepFailed.
     """
     dt = RELAXATION_STEP / model.rate
+    near, v_c, change = None, None, np.inf
     for _ in range(most_steps):
         g = geometry(state.r, model.mesh.faces)
-        near = cortex(model, state.r, g, dt, state.zeta0)
-        solution = force_balance(model, near, state.r, g, state.c, state.zeta0)
+        if near is None:
+            near = cortex(model, state.r, g, dt, state.zeta0)
+        solution = force_balance(model, near, state.r, g, state.c, state.zeta0, v_c=v_c)
         moved, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
-        change = np.abs(moved - state.r).max() / model.parameters.R0
+        before, change = change, np.abs(moved - state.r).max() / model.parameters.R0
+        v_c = solution.v(zeta0) - solution.v_p
         state = State(state.t, moved, state.c, zeta0, state.position)
         if change < tolerance:
             return state
+        if change > before:  # too far from the shape that was factorized
+            near, v_c = None, None
     flow = flow_of(model, state, 1e-2 / model.rate)
     speed = np.abs(np.einsum("vi,vi->v", flow.v, flow.normals)).max()
     if not speed < RESTING * model.rate * model.parameters.R0:
