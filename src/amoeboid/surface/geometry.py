@@ -188,18 +188,19 @@ def volume_centroid(r: Array, faces: Index) -> Array:
 @compiled
 def _volume_moments(r, faces):  # type: ignore[no-untyped-def]
     # volume and first moments of the tetrahedra between the triangles and the origin
-    moments = np.zeros(4)
+    volume, mx, my, mz = 0.0, 0.0, 0.0, 0.0
     for f in range(faces.shape[0]):
-        a, b, c = r[faces[f, 0]], r[faces[f, 1]], r[faces[f, 2]]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         sixfold = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
+            r[i, 0] * (r[j, 1] * r[k, 2] - r[j, 2] * r[k, 1])
+            + r[i, 1] * (r[j, 2] * r[k, 0] - r[j, 0] * r[k, 2])
+            + r[i, 2] * (r[j, 0] * r[k, 1] - r[j, 1] * r[k, 0])
         )
-        moments[0] += sixfold / 6.0
-        for d in range(3):
-            moments[1 + d] += sixfold * (a[d] + b[d] + c[d]) / 24.0
-    return moments
+        volume += sixfold
+        mx += sixfold * (r[i, 0] + r[j, 0] + r[k, 0])
+        my += sixfold * (r[i, 1] + r[j, 1] + r[k, 1])
+        mz += sixfold * (r[i, 2] + r[j, 2] + r[k, 2])
+    return np.array([volume / 6.0, mx / 24.0, my / 24.0, mz / 24.0])
 
 
 def triangle_quality(r: Array, faces: Index) -> Array:
