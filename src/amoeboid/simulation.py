@@ -20,7 +20,6 @@ from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
 from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
-from amoeboid.theory.linear import growth_rate
 from amoeboid.validation import InvalidInput
 
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
@@ -202,5 +201,5 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     # A small polarization that grows at lambda_1 also changes slowly.
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
-    growth = float(growth_rate(p, 1)) * amplitude / model.rate
+    growth = model.growth_rate * amplitude / model.rate
     return rate, bool(rate < STEADY and not (growth > 0 and rate > 0.1 * growth))

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.force_balance import rigid_motions
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.operators import block_matrix, scalar_matrix, stiffness, tensile_stiffness
@@ -35,6 +35,14 @@ def test_dissipation_is_that_of_the_metric():
     v = np.random.default_rng(3).normal(size=r.shape)
     found = 0.5 * v.ravel() @ (dissipation_matrix(r, mesh) @ v.ravel())
     assert found == pytest.approx(dissipation_from_the_metric(r, v, mesh.faces), rel=1e-13)
+
+
+def test_viscous_forces_are_those_of_the_matrix():
+    r, mesh = lumpy()
+    v = np.random.default_rng(4).normal(size=r.shape)
+    found = viscous_forces(geometry(r, mesh.faces), mesh, v, ETA_S, ETA_B)
+    expected = -(dissipation_matrix(r, mesh) @ v.ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())
 
 
 @given(
