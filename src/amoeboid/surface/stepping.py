@@ -55,12 +55,13 @@ class StepFailed(ArithmeticError):
 
 
 def semi_implicit_step(
-    model: Model, history: Sequence[State], dt: float, flow: Flow | None = None
+    model: Model, history: Sequence[State], dt: float, before: Flow | None = None
 ) -> tuple[State, Flow]:
     """The state after dt, and the flow that led there.
 
     `history`: the present state and, if there is one, that of the step before (of more, the rest
-    is not used); from the present state alone the step is of first order. Raises StepFailed,
+    is not used); from the present state alone the step is of first order. `before`: the flow of
+    the last step, on the same mesh, which makes the passes converge faster. Raises StepFailed,
     SingularMatrix.
     """
     past = history[:2]
@@ -72,7 +73,7 @@ def semi_implicit_step(
 
     known = scheme.combined([state.r for state in past])
     g = geometry(r_ahead, model.mesh.faces)
-    near = cortex(model, r_ahead, g, scheme.dt, now.zeta0, None if flow is None else flow.v_c)
+    near = cortex(model, r_ahead, g, scheme.dt, now.zeta0, None if before is None else before.v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = known + scheme.dt * drift
 
