@@ -87,7 +87,7 @@ def shell(p: Parameters, subdivisions: int) -> tuple[int, dict[str, float]]:
     config = Config(
         parameters=p,
         mesh=Mesh(subdivisions=subdivisions),
-        # the default axis, one of symmetry of the mesh: about others the cell turns for ever, slowly
+        # the default axis, one of symmetry of the mesh: from others the cell turns slowly
         initial=Initial(perturbation=_start(p)),
         time=Time(end=500 / p.rate),
     )
@@ -171,7 +171,8 @@ def _error_table(comparisons: Sequence[Comparison], nodes: int) -> list[str]:
     lines = [
         f"## {nodes} nodes",
         "",
-        f"Worst of all: **{worsts[i][0]}, {_percent(worsts[i][1])}**, at point {i + 1}. By observable:",
+        f"Worst of all: **{worsts[i][0]}, {_percent(worsts[i][1])}**, at point {i + 1}.",
+        "By observable:",
         "",
     ]
     for name in OBSERVED:
@@ -197,29 +198,34 @@ NUMBERS = ("delta_P", "D", "v_p0", "beta", "alpha", "eta_s", "eta_b", "c0", "R0"
 INTRODUCTION = """\
 # The 3D shell against the axisymmetric solver
 
-Written by `python benchmarks/comparison.py`, which makes both sides afresh (some minutes on one core):
-the steady state of the axisymmetric spectral solver, which shares no discretization with the shell, and
-the steady state that a 3D run at the default tolerance comes to from
+Written by `python benchmarks/comparison.py`, which makes both sides afresh (six minutes on one
+core): the steady state of the axisymmetric spectral solver, which shares no discretization with the
+shell, and the steady state that a 3D run at the default tolerance comes to from
 c = c0 (1 + 0.7 cos θ) along the default axis (0.2 instead of 0.7 for the inverse law).
 
-Twenty points: the two laws of the paper and one of our own, with and without elasticity and turnover, pressures from 3
-to 300, soft and stiff viscosities, from 2 % above the threshold to far above it, and below it on the upper branch.
-At every point the axisymmetric state is stable against all perturbations with m = 0, 1, 2, 3: the script
-checks it and stops otherwise. c_r = 1 everywhere. Deformation: largest minus smallest distance from the volume
-center over their sum. v_0 is max_retrograde_speed.
+Twenty points: the two laws of the paper and one of our own, with and without elasticity and
+turnover, pressures from 3 to 300, several viscosities and radii, from 2 % above the threshold to
+far above it, and below it on the upper branch. At every point the axisymmetric state is stable against
+all perturbations with m = 0, 1, 2, 3: the script checks it and stops otherwise. c_r = 1 everywhere.
+Deformation: largest minus smallest distance from the volume center over their sum. v_0 is
+max_retrograde_speed.
 """
 
 REMARKS = """
-## What is not compared
+## What is not compared, and why
 
-- *Unstable states.* At delta_P = 3 and 5 most polarized states far above the threshold are unstable with m = 1, 2 or
-  3, so that a 3D run must leave them. They exist for the axisymmetric solver (`amoeboid steady` says which are
-  stable), but the shell cannot be expected to stay there.
-- *Empty fronts.* Without turnover the front can be nearly empty. The error of a
-  concentration much smaller than c0 is then that of the field around it, and is given relative to c0/10.
-- *Time.* Only steady states are compared; transients are measured against a reference run in time.
-- *Points close to the threshold* (2, 3, 18) have larger relative errors: the mesh shifts the threshold by an amount
-  that falls at second order, and the amplitude goes like the square root of the distance to it.
+- *Unstable states.* At delta_P = 3 and 5 most polarized states above the threshold are unstable
+  with m = 1, 2 or 3, so that a 3D run must leave them. `amoeboid steady` says which are stable.
+- *Empty fronts.* Without turnover the front can be nearly empty. The error of a concentration much
+  smaller than c0 is that of the field around it, and is given relative to c0/10.
+- *Strong starts with the inverse law.* From 0.7 c0 the front empties before the flow has settled,
+  and the run stops and says so.
+- *Close to the threshold* (points 2, 3, 18) relative errors are larger: the mesh shifts the
+  threshold, and the amplitude goes like the square root of the distance to it.
+- *Other axes.* Nothing but the mesh holds the axis of a polarized cell. Off the axes of symmetry of
+  the icosahedron it turns, by about 2e-5 a unit of time on 642 nodes at point 1, and faster in
+  soft cells; such a run may end at `time.end` although its observables have settled.
+- *Time.* Only steady states are compared here.
 - *m ≥ 4* is not part of the axisymmetric solver's stability analysis.
 """
 

@@ -1,6 +1,6 @@
-"""Random valid runs: each must end for a named reason, in order from the first step to the last frame.
+"""Random valid runs: each must end for a named reason, with a last frame in order.
 
-Run as `python benchmarks/fuzz.py [--runs 200] [--first 0]`. Case number k is made from seed k alone:
+Run as `python benchmarks/fuzz.py [--runs 200] [--first 0]`. Case k is made from seed k alone:
 `--first k --runs 1` repeats it. Warnings are errors. Every accepted step is checked, not only
 the last; ends with exit code 1 if a case breaks a rule, and names its seed.
 """

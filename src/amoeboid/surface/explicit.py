@@ -45,8 +45,7 @@ MESH_RELAXATION = 2.0
 RESIDUAL = 1e-7
 # Conjugate gradients need some hundred iterations from nothing and a few from the previous flow.
 MOST_ITERATIONS = 100_000
-# Change of the area |A/A0 - 1| by one step that is no error of order dt^2 any more: a stable step makes
-# one of less than 1e-5.
+# |A/A0 - 1| after a step that is no error of order dt^2 any more: stable steps leave under 1e-5.
 MOST_AREA_ERROR = 1e-3
 
 
