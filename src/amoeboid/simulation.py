@@ -130,7 +130,7 @@ def _explicit(step: Step, time: Time) -> Step:
     model = step.model
     try:
         state, flow = explicit_step(model, step.state, length, step.flow)
-    except StepFailed as error:
+    except (StepFailed, InvalidInput) as error:
         raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
     rate, still = _rate(model, state, flow)
     history = (state, step.state)
@@ -151,7 +151,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         length = remaining if dt > 0.999 * remaining else dt
         try:
             state, flow = semi_implicit_step(model, past, length, flow_before)
-        except (StepFailed, SingularMatrix) as error:
+        except (StepFailed, SingularMatrix, InvalidInput) as error:
+            # InvalidInput: the law is not defined at a concentration that this step would need
             why = str(error)
             dt, rejected = 0.3 * length, rejected + 1
             continue

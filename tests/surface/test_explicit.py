@@ -266,7 +266,7 @@ def test_stiff_shapes_limit_the_step():
 @pytest.mark.parametrize(
     ("changes", "dt", "says"),
     [
-        ({"delta_P": 300.0}, 1e-2, r"concentration|turned over|degenerated|finite"),
+        ({"delta_P": 300.0}, 1e-2, r"concentration|turned over|degenerated|finite|area is off"),
         ({"D": 10.0}, 0.05, "concentration is no longer >= 0"),
     ],
 )
@@ -275,6 +275,14 @@ def test_too_long_a_step_is_refused_with_its_reason(changes, dt, says):
     model = Model(replace(SOFT, **changes), model.mesh)
     with pytest.raises(StepFailed, match=says):
         stepped(model, begin, dt, 200)
+
+
+def test_a_violent_step_that_loses_the_area_is_refused():
+    """Above the stability limit nodes fly away and come back within steps: no silent garbage."""
+    model, begin = polarizing(replace(SOFT, delta_P=1e4), 1, perturbation=3.0)
+    rough = begin.r * (1 + 0.1 * np.sin(3 * begin.r[:, :1]))
+    with pytest.raises(StepFailed, match="stiff shape modes: its area is off"):
+        stepped(model, replace(begin, r=rough), 1e-4, 50)
 
 
 def test_conjugate_gradients_that_do_not_settle_are_reported(monkeypatch):

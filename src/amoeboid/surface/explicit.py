@@ -22,6 +22,7 @@ from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.force_balance import rigid_motions
 from amoeboid.surface.geometry import (
     Geometry,
+    area,
     area_gradient,
     geometry,
     normal_part,
@@ -44,6 +45,8 @@ MESH_RELAXATION = 2.0
 RESIDUAL = 1e-7
 # Conjugate gradients need some hundred iterations from nothing and a few from the previous flow.
 MOST_ITERATIONS = 100_000
+# |A/A0 - 1| after a step that is no error of order dt^2 any more: stable steps leave under 1e-5.
+MOST_AREA_ERROR = 1e-3
 
 
 def explicit_step(
@@ -76,6 +79,12 @@ def explicit_step(
     if not new.c.min() >= 0:
         raise StepFailed(f"the concentration is no longer >= 0: {new.c.min():.3g}")
     check_step(model, state, new)
+    wrong = abs(area(new.r, mesh.faces) / model.A0 - 1.0)
+    if wrong > MOST_AREA_ERROR:
+        raise StepFailed(
+            f"the step is too long for the stiff shape modes: its area is off by {wrong:.2g}, more "
+            f"than {MOST_AREA_ERROR:g}; shorten time.max_step"
+        )
     return new, Flow(v_c - drift, v_p, zeta0, g.normals, g.node_areas)
 
 
