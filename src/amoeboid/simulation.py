@@ -9,12 +9,13 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.multistep import error_share, extrapolated
 from amoeboid.surface.explicit import explicit_step
-from amoeboid.surface.geometry import geometry, volume_centroid
+from amoeboid.surface.geometry import Geometry, geometry, scatter, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
@@ -22,11 +23,12 @@ from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_impl
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.validation import InvalidInput
 
+Array = NDArray[np.float64]
+
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 SHORTEST_STEP = 1e-7
-# Relative change within 1 / model.rate that counts as none. A mesh turns the axis of a polarized
-# cell, which no force holds, by up to half of it.
-STEADY = 3e-5
+# Relative change within 1 / model.rate that counts as none, slow turning left out.
+STEADY = 1e-5
 KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 
@@ -195,12 +197,39 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     """Largest relative rate of change, in units of model.rate, and whether that is none."""
     p = model.parameters
     g = geometry(state.r, model.mesh.faces)
-    c_rate = rate_of_change(model, state.c, g, flow.v)
-    v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
     c_scale = max(p.c0, np.abs(state.c).max())
-    rate = float(max(np.abs(c_rate).max() / c_scale, np.abs(v_n).max() / p.R0) / model.rate)
-    # A small polarization that grows at lambda_1 also changes slowly.
+    c_rate = rate_of_change(model, state.c, g, flow.v) / c_scale
+    r_rate = np.einsum("vi,vi->v", flow.v, flow.normals) / p.R0
+    rate = float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
     x = state.r - volume_centroid(state.r, model.mesh.faces)
+    if STEADY <= rate < 100.0 * STEADY:
+        change = np.concatenate([c_rate, r_rate])
+        still = change - _turning(model, x, g, state.c / c_scale, change)
+        rate = min(rate, float(np.abs(still).max() / model.rate))
+    # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate
     return rate, bool(rate < STEADY and not (growth > 0 and rate > 0.1 * growth))
+
+
+def _turning(model: Model, x: Array, g: Geometry, c: Array, change: Array) -> Array:
+    """The part of `change` (2V,), of c and of r.n/R0, that a rotation of the whole cell makes.
+
+    No force holds the axis of a cell; a mesh turns it slowly.
+    """
+    faces = model.mesh.faces
+    slopes = np.einsum("fa,fad->fd", c[faces], g.gradients) * g.face_areas[:, None] / 3.0
+    gradient = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(x))
+    gradient /= g.node_areas[:, None]
+    motions = [np.cross(axis, x) for axis in np.eye(3)]
+    columns = [
+        np.concatenate(
+            [
+                -np.einsum("vi,vi->v", motion, gradient),
+                np.einsum("vi,vi->v", motion, g.normals) / model.parameters.R0,
+            ]
+        )
+        for motion in motions
+    ]
+    basis = np.stack(columns, axis=1)
+    return np.asarray(basis @ np.linalg.lstsq(basis, change, rcond=1e-6)[0])

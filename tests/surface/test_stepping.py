@@ -10,12 +10,13 @@ from amoeboid.observables import filament_number, observed
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.geometry import area, volume_centroid
+from amoeboid.surface.geometry import area, geometry, volume_centroid
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
 from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
@@ -151,6 +152,21 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
         print(left_behind, error)
     assert max(ratios) < 0.35
     assert ratios[-1] < ratios[0]
+
+
+def test_an_oblique_soft_cell_comes_to_rest_although_its_mesh_turns_it():
+    """No force holds the axis: the mesh turns it, at a rate that never falls below STEADY."""
+    config = Config(
+        parameters=replace(POLARIZED, delta_P=11.0),
+        mesh=Mesh(subdivisions=2),
+        initial=Initial(direction=(0.0, 1.0, 1.0)),
+    )
+    *_, last = evolve(start(config), config.time)
+    assert last.ended == "steady"
+    p, c = POLARIZED, last.state.c
+    g = geometry(last.state.r, last.model.mesh.faces)
+    rate = rate_of_change(last.model, c, g, last.flow.v) / (c.max() * p.rate)
+    assert np.abs(rate).max() > 2e-5
 
 
 def test_the_cell_advances_as_fast_as_its_cortex_flows_back():
