@@ -26,6 +26,7 @@ from amoeboid.surface.geometry import (
     normal_part,
     volume_centroid,
 )
+from amoeboid.surface.intersections import embedded
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import relaxation
 from amoeboid.surface.transport import transported
@@ -220,3 +221,7 @@ def check_step(model: Model, old: State, new: State) -> None:
         )
     if np.einsum("fi,fi->f", before, after).min() <= 0:
         raise StepFailed("a triangle has turned over: the surface folds, or its mesh is too coarse")
+    if not embedded(new.r, model.mesh.faces):
+        raise StepFailed(
+            "the surface crosses itself: parts of the cell have met; this model has no contact"
+        )
