@@ -11,14 +11,14 @@ from amoeboid.config import Config, Mesh, Time
 from amoeboid.observables import observed, reduced_volume
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Step, evolve, start
-from amoeboid.surface import force_balance
+from amoeboid.surface import force_balance, stepping
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.force_balance import NORMAL_VISCOSITY, rigid_motions
 from amoeboid.surface.geometry import area, geometry, mesh_quality, volume_centroid
 from amoeboid.surface.intersections import embedded
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.operators import block_matrix, normal_blocks, normal_projection, stiffness
-from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
 from surface.shapes import dumbbell, sphere, three_lobed
 
 SHAPES = {"dumbbell": dumbbell, "three lobes": lambda s: three_lobed(s, 0.2)}
@@ -143,6 +143,19 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
         print(name, delta_P, what, errors, orders)
         # what is left of the fast motions at the start converges a little faster than dt^2
         assert 1.8 < orders[-1] < 2.5, (what, errors, orders)
+
+
+def test_a_step_makes_a_new_factorization_where_the_old_one_does_not_do(monkeypatch):
+    """Deep saddles: the resistance of the softest motions changes as they happen."""
+    p = Parameters(D=0.4, v_p0=6.0, delta_P=11.0)
+    r, mesh = three_lobed(2)
+    n = geometry(r, mesh.faces).normals
+    state = State(0.0, r, 3 + 0.5 * n[:, 2] + 0.3 * n[:, 0], 5.5, np.zeros(3))
+    model = Model(p, mesh)
+    semi_implicit_step(model, (state,), 5e-5)
+    monkeypatch.setattr(stepping, "PATIENCE", stepping.MOST_PASSES)
+    with pytest.raises(StepFailed):
+        semi_implicit_step(model, (state,), 5e-5)
 
 
 def steady_state(share, monkeypatch, delta_P=300.0):
