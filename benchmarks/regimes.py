@@ -27,6 +27,7 @@ from amoeboid.surface.geometry import volume_centroid
 SUBDIVISIONS = {162: 2, 642: 3, 2562: 4}
 POLARIZED = Initial()
 NOISE = Initial(perturbation=0.0, noise=0.03, seed=1)
+LOUD = Initial(perturbation=0.0, noise=0.3, seed=1)
 # Stretches of the way that `turned` compares, and the speed below which it does not count.
 STRETCH, MOVES = 0.25, 0.01
 
@@ -47,6 +48,18 @@ def _cases() -> dict[str, Case]:
             cases[f"P{delta_P:g}-v{v_p0:g}"] = Case(p, POLARIZED)
             if v_p0 >= 7:  # above threshold, v_p0 = 6.03: noise grows
                 cases[f"P{delta_P:g}-v{v_p0:g}-noise"] = Case(p, NOISE)
+    for delta_P, v_p0 in (
+        (11, 6.5),
+        (11, 7),
+        (11, 7.5),
+        (20, 8),
+        (20, 9),
+        (30, 9),
+        (30, 10),
+        (30, 12),
+    ):
+        p = Parameters(D=0.4, delta_P=float(delta_P), v_p0=float(v_p0))
+        cases[f"P{delta_P:g}-v{v_p0:g}-loud"] = Case(p, LOUD)
     for D in (0.03, 0.1, 1.0):
         critical = (D + 0.5) / 3.0 * np.exp(3.0)
         for delta_P in (0.5, 1.0, 3.0, 11.0):
