@@ -9,6 +9,7 @@ import pyvista as pv
 
 from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
 from amoeboid.observables import observed, retrograde_flow
+from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.store import (
     COLUMNS,
@@ -133,9 +134,35 @@ def test_a_checkpoint_with_nan_is_refused(tmp_path):
     path = run.folder / "checkpoint.npz"
     with np.load(path, allow_pickle=False) as data:
         arrays = dict(data)
-    arrays["state_c"][3] = np.nan
+    arrays["history_c"][0, 3] = np.nan
     np.savez(path, **arrays)
     with pytest.raises(InvalidInput, match="not finite"):
+        resumed_run(run.folder, run.config)
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("faces", lambda a: a[:-1]),
+        ("faces", lambda a: a - 1),
+        ("history_r", lambda a: a[:, :-1]),
+        ("history_c", lambda a: a[:, :-1]),
+        ("history_c", lambda a: -a),
+        ("history_position", lambda a: a[:, :2]),
+        ("history_scalars", lambda a: a[:0]),
+        ("flow_vectors", lambda a: a[:, :-1]),
+        ("flow_areas", lambda a: a[:-1]),
+        ("edge_length", lambda a: -a),
+    ],
+)
+def test_a_checkpoint_whose_parts_do_not_fit_is_refused(tmp_path, name, change):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    path = run.folder / "checkpoint.npz"
+    with np.load(path, allow_pickle=False) as data:
+        arrays = dict(data)
+    arrays[name] = change(arrays[name])
+    np.savez(path, **arrays)
+    with pytest.raises(InvalidInput):
         resumed_run(run.folder, run.config)
 
 
@@ -180,7 +207,7 @@ def test_what_cannot_be_resumed_is_refused(tmp_path):
         resumed_run(tmp_path, CONFIG)
     _, run, _ = run_into(tmp_path / "run", stop_after=2)
     other = replace(CONFIG, mesh=Mesh(subdivisions=2))
-    with pytest.raises(InvalidInput, match="42 nodes, the mesh of the run 162"):
+    with pytest.raises(InvalidInput, match=r"keeps \[mesh\]"):
         resumed_run(run.folder, other)
     (run.folder / "checkpoint.npz").write_bytes(b"PK\x03\x04 no archive")
     with pytest.raises(InvalidInput, match="cannot be read"):
@@ -214,3 +241,24 @@ def test_collection_is_well_formed(tmp_path):
     tree = ElementTree.parse(run.folder / "frames.pvd")  # noqa: S314  (our own file)
     sets = tree.getroot().find("Collection").findall("DataSet")
     assert [(run.folder / s.get("file")).is_file() for s in sets] == [True] * len(run.frame_times)
+
+
+def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path):
+    """The checkpoint holds the mesh: nodes and triangles are no longer those of the start."""
+    config = Config(
+        parameters=Parameters(D=0.4, v_p0=8.0, delta_P=2.0, beta=0.0),
+        mesh=Mesh(subdivisions=2),
+        initial=Initial(perturbation=2.0),
+        time=Time(end=0.52, stop_when_steady=False),
+        output=Output(interval=10.0),
+    )
+    _, _, whole = run_into(tmp_path / "whole", config)
+    assert whole.model.mesh.n_nodes != 162
+    _, run, half = run_into(tmp_path / "half", config, stop_after=whole.number - 8)
+    assert half.model.mesh.n_nodes != 162
+    _, step = resumed_run(run.folder, run.config)
+    *_, step = evolve(step, config.time)
+    assert step.number == whole.number
+    assert np.array_equal(step.model.mesh.faces, whole.model.mesh.faces)
+    assert np.array_equal(step.state.r, whole.state.r)
+    assert np.array_equal(step.state.c, whole.state.c)

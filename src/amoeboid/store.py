@@ -343,26 +343,41 @@ def _packed(history: tuple[State, ...]) -> dict[str, Array]:
     }
 
 
-def _unpacked(data: Any, n_nodes: int) -> tuple[State, ...]:
-    scalars, positions = data["history_scalars"], data["history_position"]
-    r, c = data["history_r"], data["history_c"]
-    if len(r) == 0 or r.shape[1:] != (n_nodes, 3) or c.shape != r.shape[:2]:
-        raise ValueError(f"the checkpoint has arrays of shape {r.shape} for {n_nodes} nodes")
-    if not (np.isfinite(scalars).all() and np.isfinite(r).all() and c.min() >= 0):
-        raise ValueError("the checkpoint holds values that are not finite, or negative c")
-    return tuple(
-        State(float(t), r[k], c[k], float(zeta0), positions[k])
+def _unpacked(data: Any, n_nodes: int) -> tuple[tuple[State, ...], Flow]:
+    """States and flow of a checkpoint. Raises ValueError unless all its parts fit together."""
+    r, c, position = (data[f"history_{name}"] for name in ("r", "c", "position"))
+    scalars, vectors, areas = data["history_scalars"], data["flow_vectors"], data["flow_areas"]
+    n = len(r)
+    shapes = {
+        "history_r": (r, (n, n_nodes, 3)),
+        "history_c": (c, (n, n_nodes)),
+        "history_position": (position, (n, 3)),
+        "history_scalars": (scalars, (n, 2)),
+        "flow_vectors": (vectors, (3, n_nodes, 3)),
+        "flow_areas": (areas, (n_nodes,)),
+    }
+    for name, (array, shape) in shapes.items():
+        if n == 0 or array.shape != shape:
+            raise ValueError(f"{name} of the checkpoint has shape {array.shape}, not {shape}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} of the checkpoint holds values that are not finite")
+    if c.min() < 0:
+        raise ValueError("the checkpoint holds a negative concentration")
+    history = tuple(
+        State(float(t), r[k], c[k], float(zeta0), position[k])
         for k, (t, zeta0) in enumerate(scalars)
     )
+    v_c, v_p, normals = vectors
+    return history, Flow(v_c, v_p, float(data["flow_zeta0"]), normals, areas)
 
 
 def _read_checkpoint(path: Path) -> tuple[Config, Step, list[tuple[float, str]]]:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
         made_with = config_from_toml(str(data["config"]))
         mesh, edge_length = connectivity(data["faces"]), float(data["edge_length"])
-        history = _unpacked(data, mesh.n_nodes)
-        v_c, v_p, normals = data["flow_vectors"]
-        flow = Flow(v_c, v_p, float(data["flow_zeta0"]), normals, data["flow_areas"])
+        if not edge_length > 0:
+            raise ValueError(f"edge_length of the checkpoint is {edge_length}")
+        history, flow = _unpacked(data, mesh.n_nodes)
         number, rejected = (int(x) for x in data["step"])
         next_dt, rate = (float(x) for x in data["numbers"])
         names = [str(x) for x in data["frame_names"]]

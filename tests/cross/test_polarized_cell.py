@@ -1,5 +1,7 @@
 """The 3D shell against the axisymmetric solver and the bifurcation diagram of figure 3."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.observables import observed, polarity
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
-from amoeboid.surface.geometry import area
+from amoeboid.surface.geometry import area, mesh_quality
 from cross.spectral import OBSERVED, polarized
 
 
@@ -70,6 +72,9 @@ def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
     for subdivisions in (2, 3, 4):
         model, last = final(D, v_p0, perturbation, subdivisions, end=1000)
         assert last.ended == "steady"
+        # what still changes then is no longer small against the errors of the finest mesh
+        settle = Time(end=last.state.t + 30, stop_when_steady=False)
+        *_, last = evolve(last, settle)
         found = observed(model, last.state, last.flow)
         for name, value in exact.items():
             table[name].append(found[name] / value - 1)
@@ -78,7 +83,7 @@ def test_errors_fall_at_second_order_on_three_meshes(D, v_p0, perturbation):
         print(f"D = {D}, v_p0 = {v_p0}, {name}: errors {errors}, orders {orders}")
         # on the coarsest mesh the error is larger than its leading order, so it falls faster
         assert np.all(orders > 1.8), name
-        assert orders[-1] == pytest.approx(2, abs=0.25), name
+        assert orders[-1] == pytest.approx(2, abs=0.2), name
         assert abs(errors[-1]) < 0.008
 
 
@@ -132,3 +137,23 @@ def test_the_shell_finds_the_axisymmetric_state_at_other_points(p):
     # c_rear carries the width of the peak in units of the mesh
     tolerances = {"max_retrograde_speed": 0.03, "c_front": 0.03, "c_rear": 0.05, "zeta0": 0.005}
     assert all(abs(errors[name]) < tolerances[name] for name in OBSERVED), errors
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("delta_P", "v_p0"), [(300.0, 6.0), (11.0, 6.0)])
+def test_a_hundred_turnovers_leave_mesh_and_cell_as_they_were(delta_P, v_p0):
+    """The cortex flows from front to rear a hundred times: pi R0 / speed is one turnover."""
+    p = Parameters(D=0.4, v_p0=v_p0, delta_P=delta_P)
+    config = Config(parameters=p, mesh=Mesh(subdivisions=3), time=Time(stop_when_steady=False))
+    first = start(config)
+    early = None
+    for step in evolve(first, replace(config.time, end=220.0)):
+        assert mesh_quality(step.state.r, step.model.mesh.faces) > 0.9
+        if early is None and step.state.t > 20:
+            early = observed(step.model, step.state, step.flow)
+    late = observed(step.model, step.state, step.flow)
+    turnovers = 200.0 * late["max_retrograde_speed"] / np.pi
+    print(delta_P, turnovers, early, late)
+    assert turnovers > 100
+    for name in ("max_retrograde_speed", "c_front", "c_rear", "zeta0"):
+        assert late[name] == pytest.approx(early[name], rel=1e-3)

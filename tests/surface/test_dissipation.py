@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.force_balance import rigid_motions
 from amoeboid.surface.geometry import geometry
-from amoeboid.surface.operators import block_matrix
+from amoeboid.surface.operators import block_matrix, scalar_matrix, stiffness, tensile_stiffness
 from surface.shapes import lumpy, observed_orders, sphere
 
 ETA_S, ETA_B = 1.3, 0.7
@@ -35,6 +35,14 @@ def test_dissipation_is_that_of_the_metric():
     v = np.random.default_rng(3).normal(size=r.shape)
     found = 0.5 * v.ravel() @ (dissipation_matrix(r, mesh) @ v.ravel())
     assert found == pytest.approx(dissipation_from_the_metric(r, v, mesh.faces), rel=1e-13)
+
+
+def test_viscous_forces_are_those_of_the_matrix():
+    r, mesh = lumpy()
+    v = np.random.default_rng(4).normal(size=r.shape)
+    found = viscous_forces(geometry(r, mesh.faces), mesh, v, ETA_S, ETA_B)
+    expected = -(dissipation_matrix(r, mesh) @ v.ravel()).reshape(-1, 3)
+    np.testing.assert_allclose(found, expected, atol=1e-13 * np.abs(expected).max())
 
 
 @given(
@@ -80,3 +88,42 @@ def test_power_scales_with_the_viscosities():
     parts = 2 * dissipation_matrix(r, mesh, 1.0, 0.0).toarray()
     parts += 3 * dissipation_matrix(r, mesh, 0.0, 1.0).toarray()
     np.testing.assert_allclose(both, parts, atol=1e-12)
+
+
+def test_viscous_stress_is_the_derivative_of_the_dissipation():
+    """v.K.w = integral of stress(v) : grad w, for any second velocity w."""
+    r, mesh = lumpy()
+    g = geometry(r, mesh.faces)
+    v, w = np.random.default_rng(3).normal(size=(2, *r.shape))
+    for eta_s, eta_b in ((1.0, 0.0), (0.0, 1.0), (0.7, 2.0)):
+        stress = viscous_stress(g, mesh, v, eta_s, eta_b)
+        slopes = np.einsum("fap,faq->fpq", g.gradients, w[mesh.faces])
+        power = np.einsum("f,fpq,fpq->", g.face_areas, stress, slopes)
+        matrix = block_matrix(dissipation_blocks(g, mesh, eta_s, eta_b), mesh)
+        assert power == pytest.approx(w.ravel() @ (matrix @ v.ravel()), rel=1e-10)
+        # tangential and symmetric
+        np.testing.assert_allclose(stress, np.swapaxes(stress, 1, 2), atol=1e-12)
+        np.testing.assert_allclose(np.einsum("fpq,fq->fp", stress, g.face_normals), 0, atol=1e-10)
+
+
+def test_tensile_stiffness_takes_the_pulling_part_of_a_stress():
+    r, mesh = lumpy(subdivisions=1)
+    g = geometry(r, mesh.faces)
+    v = np.random.default_rng(4).normal(size=r.shape)
+    stress = viscous_stress(g, mesh, v, 1.0, 1.0)
+    # from eigenvectors, as a check: keep what pulls, then grad phi_a . pull . grad phi_b
+    values, vectors = np.linalg.eigh(stress)
+    assert values.min() < 0 < values.max()
+    pull = np.einsum("fpk,fk,fqk->fpq", vectors, np.maximum(values, 0), vectors)
+    expected = np.zeros((len(r), len(r)))
+    local = np.einsum("f,fap,fpq,fbq->fab", g.face_areas, g.gradients, pull, g.gradients)
+    for f, corners in enumerate(mesh.faces):
+        expected[np.ix_(corners, corners)] += local[f]
+    found = scalar_matrix(tensile_stiffness(g, mesh, stress), mesh).toarray()
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    # an even tension gives the stiffness matrix itself, an even pressure nothing
+    even = np.broadcast_to(2.5 * np.eye(3), stress.shape)
+    np.testing.assert_allclose(
+        tensile_stiffness(g, mesh, even), 2.5 * stiffness(g, mesh), atol=1e-12
+    )
+    assert np.all(tensile_stiffness(g, mesh, -even) == 0)

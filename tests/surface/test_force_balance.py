@@ -13,7 +13,7 @@ from amoeboid.surface.force_balance import (
 from amoeboid.surface.geometry import area_gradient, geometry, volume_centroid, volume_gradient
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import block_matrix, scalar_matrix, stiffness
+from amoeboid.surface.operators import block_matrix, normal_blocks, scalar_matrix, stiffness
 from amoeboid.surface.stepping import flow_of
 from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
@@ -71,7 +71,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     r, mesh = lumpy()
     p = Parameters(alpha=0.3)
     model = Model(p, mesh)
-    dt, zeta0 = 0.1, 149.0
+    dt, zeta0 = 1e-4, 149.0
     g_near = geometry(r, mesh.faces)
     near = cortex(model, r, g_near, dt, 150.0)
     r = r + 0.02 * np.column_stack([np.sin(3 * r[:, 1]), np.cos(2 * r[:, 2]), r[:, 0] ** 2])
@@ -79,7 +79,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     c = 3 + np.sin(r[:, 0])
     v_c, ahead = np.zeros_like(r), np.zeros_like(r)
     for _ in range(300):
-        solution = force_balance(model, near, r, g, c, ahead, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, ahead, v_c)
         v = solution.v(zeta0)
         v_c, ahead = v - solution.v_p, dt * v
     viscous = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b), mesh) @ v_c.ravel()
@@ -97,15 +97,20 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
         + NORMAL_VISCOSITY * (p.eta_s + p.eta_b) * damping[:, None] * g_near.normals
     )
     residual = viscous + forces.ravel()
-    rigid = np.repeat(g_near.node_areas, 3)[:, None] * rigid_motions(lumpy()[0], g_near)
-    left = residual - rigid @ np.linalg.lstsq(rigid, residual, rcond=None)[0]
+    # a torque over the surface, and what resists translation in `near`
+    rigid = rigid_motions(lumpy()[0], g_near)
+    resisted = near.damping + dt * near.tension
+    stiff = block_matrix(normal_blocks(resisted, g_near.normals, mesh), mesh) @ rigid[:, :3]
+    torques = np.repeat(g_near.node_areas, 3)[:, None] * rigid[:, 3:]
+    keeping = np.hstack([stiff, torques])
+    left = residual - keeping @ np.linalg.lstsq(keeping, residual, rcond=None)[0]
     assert np.abs(left).max() < 1e-6 * np.abs(pressure).max()
     # no rotation of the cortex, no drift of the cell
     rotations = np.repeat(g.node_areas, 3)[:, None] * rigid_motions(r, g)[:, 3:]
     assert np.abs(rotations.T @ v_c.ravel()).max() < 1e-8 * np.abs(v_c).max()
     h = 1e-6
     moved = volume_centroid(r + h * v, mesh.faces) - volume_centroid(r - h * v, mesh.faces)
-    assert np.abs(moved).max() / (2 * h) < 1e-4 * np.abs(v).max()
+    assert np.abs(moved).max() / (2 * h) < 1e-3 * np.abs(v).max()
 
 
 def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():
@@ -116,3 +121,24 @@ def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():
     np.testing.assert_allclose(rigid.T @ force.ravel(), 0, atol=1e-12)
     tangential = force - np.einsum("vi,vi->v", force, g.normals)[:, None] * g.normals
     assert np.linalg.norm(tangential) < 0.02 * np.linalg.norm(force)
+
+
+def test_the_response_to_tension_keeps_the_frame_and_balances_it_on_the_factorized_shape():
+    """(K + normal resistance) slope = -tension force + what keeps translation and rotation."""
+    r, mesh = lumpy()
+    p, dt = Parameters(), 0.3
+    model, g = Model(p, mesh), geometry(r, mesh.faces)
+    near = cortex(model, r, g, dt, 150.0)
+    resisted = normal_blocks(near.damping + dt * near.tension, g.normals, mesh)
+    matrix = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + resisted, mesh)
+    force = normal_force(area_gradient(g, mesh.faces), r, g)
+    rigid = rigid_motions(r, g)
+    torques = np.repeat(g.node_areas, 3)[:, None] * rigid[:, 3:]
+    keeping = np.hstack([matrix @ rigid[:, :3], torques])
+    residual = matrix @ near.slope.ravel() + force.ravel()
+    left = residual - keeping @ np.linalg.lstsq(keeping, residual, rcond=None)[0]
+    assert np.abs(left).max() < 1e-6 * np.abs(force).max()
+    assert np.abs(torques.T @ near.slope.ravel()).max() < 1e-9 * np.abs(near.slope).max()
+    v_n = np.einsum("vi,vi->v", near.slope, g.normals)
+    drift = (g.node_areas * v_n) @ (r - volume_centroid(r, mesh.faces))
+    assert np.abs(drift).max() < 1e-9 * np.abs(v_n).max()

@@ -15,6 +15,8 @@ from amoeboid.surface.operators import (
     block_matrix,
     block_product,
     normal_blocks,
+    normal_projection,
+    product,
     scalar_matrix,
     stiffness,
 )
@@ -105,7 +107,7 @@ def test_volume_centroid_moves_with_the_shape():
     np.testing.assert_allclose(stretched, 2 * center, atol=1e-13)
 
 
-def test_normal_blocks_are_the_projected_matrix():
+def test_normal_blocks_of_a_projection_are_the_projected_matrix():
     r, mesh = lumpy(subdivisions=1)
     g = geometry(r, mesh.faces)
     entries = stiffness(g, mesh)
@@ -114,10 +116,17 @@ def test_normal_blocks_are_the_projected_matrix():
     for i, n in enumerate(g.normals):
         projector[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = np.outer(n, n)
     expected = projector @ np.kron(dense, np.eye(3)) @ projector
-    blocks = normal_blocks(entries, g.normals, mesh)
+    projected = normal_projection(entries, g.normals, mesh)
+    blocks = normal_blocks(projected, g.normals, mesh)
     found = block_matrix(blocks, mesh).toarray()
     v = np.random.default_rng(5).normal(size=r.shape)
     np.testing.assert_allclose(
         block_product(blocks, mesh, v).ravel(), found @ v.ravel(), atol=1e-12
     )
     np.testing.assert_allclose(found, expected, atol=1e-13)
+    u = np.random.default_rng(6).normal(size=len(r))
+    np.testing.assert_allclose(
+        product(projected, mesh, u),
+        np.einsum("vi,vi->v", g.normals, dense @ (u[:, None] * g.normals)),
+        atol=1e-12,
+    )

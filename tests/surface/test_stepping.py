@@ -163,7 +163,7 @@ def test_the_cell_advances_as_fast_as_its_cortex_flows_back():
     velocity = (last.state.position - before.state.position) / last.dt
     flow = last.flow
     expected = -(flow.node_areas @ flow.v_c) / flow.node_areas.sum()
-    np.testing.assert_allclose(velocity, expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(velocity, expected, rtol=1e-5, atol=1e-9)
     # of the order of the retrograde speed, towards the front
     assert 0.5 < -velocity[2] / observed(model, last.state, flow)["max_retrograde_speed"] < 1.2
 
@@ -202,33 +202,53 @@ def test_units_do_not_matter():
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-7)
 
 
-@pytest.mark.parametrize("delta_P", [11.0, 300.0])
-def test_the_step_is_second_order_in_time(delta_P):
-    """The whole transient from the perturbed sphere, steps of all lengths scaled together."""
+def ends_of_a_transient(delta_P, counts):
+    """The whole transient from a perturbed sphere, in steps of all lengths scaled together."""
     model, rest = sphere(replace(POLARIZED, delta_P=delta_P), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))
-    ends = []
-    for n in (40, 80, 160, 1280):
-        history, t = (begin,), 0.0
+    for n in counts:
+        history = (begin,)
         for k in range(n):
             # steps that grow, as the controller lets them
             length = 0.4 * (((k + 1) / n) ** 1.5 - (k / n) ** 1.5)
             state, flow = semi_implicit_step(model, history, length)
-            history, t = (state, *history[:1]), t + length
-        ends.append((state, flow))
-    last, last_flow = ends[-1]
-    for name, value in (
-        ("c", lambda s, f: s.c),
-        ("r", lambda s, f: s.r),
-        ("zeta0", lambda s, f: s.zeta0),
-        ("v", lambda s, f: f.v),
-        ("position", lambda s, f: s.position),
-    ):
-        exact = value(last, last_flow)
-        errors = np.array([np.abs(value(s, f) - exact).max() for s, f in ends[:-1]])
-        orders = np.log2(errors[:-1] / errors[1:])
-        print(delta_P, name, errors, orders)
-        assert abs(orders[-1] - 2) < 0.2, (name, errors, orders)
+            history = (state, *history[:1])
+        yield state, flow
+
+
+def measured_orders(ends, counts):
+    """Order in dt of everything a step finds, against the last end."""
+    *ends, (last, last_flow) = ends
+    quantities = {
+        "c": lambda s, f: s.c - last.c,
+        "shape": lambda s, f: np.einsum("vi,vi->v", s.r - last.r, last_flow.normals),
+        "v": lambda s, f: f.v - last_flow.v,
+        "position": lambda s, f: s.position - last.position,
+        "zeta0": lambda s, f: s.zeta0 - last.zeta0,
+    }
+    orders = {}
+    for name, difference in quantities.items():
+        errors = [np.abs(difference(s, f)).max() for s, f in ends]
+        orders[name] = -np.polyfit(np.log(counts[:-1]), np.log(errors), 1)[0]
+        print(name, errors, orders[name])
+    return orders
+
+
+def test_the_step_is_second_order_in_time():
+    counts = (40, 80, 160, 1280)
+    orders = measured_orders(ends_of_a_transient(300.0, counts), counts)
+    assert abs(orders["c"] - 2) < 0.2
+    assert abs(orders["shape"] - 2) < 0.2
+    assert abs(orders["v"] - 2) < 0.3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("delta_P", [11.0, 300.0])
+def test_everything_is_second_order_in_time(delta_P):
+    counts = (320, 640, 1280, 10240)
+    orders = measured_orders(ends_of_a_transient(delta_P, counts), counts)
+    for name, order in orders.items():
+        assert abs(order - 2) < 0.2, name
 
 
 def test_noise_is_reproducible_and_seeded():

@@ -9,8 +9,10 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.operators import advection, scalar_matrix, stiffness
 from amoeboid.surface.transport import (
     added_diffusion,
+    diffusive_loss,
     filaments,
     rate_of_change,
+    returned_fluxes,
     transported,
 )
 from surface.shapes import lumpy, observed_orders, sphere
@@ -43,6 +45,39 @@ def test_concentration_never_becomes_negative(seed, dt, D, speed):
     new = transported(model, filaments(c, g), g, speed * rng.normal(size=r.shape), dt, c)
     assert new.min() >= -1e-13 * new.max()
     assert filaments(new, g).sum() == pytest.approx(filaments(c, g).sum(), rel=1e-12)
+
+
+@given(seed=st.integers(0, 10**6), empty=st.floats(0, 0.9))
+def test_flux_correction_is_that_of_the_full_matrices(seed, empty):
+    """Against the formulas of flux correction, written with full matrices."""
+    r, mesh = lumpy(seed=seed)
+    rng = np.random.default_rng(seed)
+    model = Model(Parameters(), mesh)
+    g, n = geometry(r, mesh.faces), len(r)
+    c = rng.uniform(0, 5, n) * (rng.uniform(size=n) > empty)
+    stock = rng.uniform(0, 3, n)
+    entries = 0.02 * stiffness(g, mesh) - advection(g, mesh, rng.normal(size=r.shape))
+    added = added_diffusion(entries, model)
+
+    K = scalar_matrix(entries, mesh).toarray()
+    d = np.maximum(0, np.maximum(K, K.T)) * (1 - np.eye(n))
+    np.testing.assert_array_equal(scalar_matrix(added, mesh).toarray(), d)
+    step = c[:, None] - c[None, :]
+    flux = d * step
+    near = scalar_matrix(np.ones_like(entries), mesh).toarray() > 0
+    highest = np.where(near, -step, -np.inf).max(axis=1)
+    lowest = np.where(near, step, -np.inf).max(axis=1)
+    wanted, unwanted = np.maximum(flux, 0).sum(axis=1), np.maximum(-flux, 0).sum(axis=1)
+    tiny = 1e-300
+    gain = np.minimum(1, d.sum(axis=1) * highest / np.maximum(wanted, tiny))
+    loss = np.minimum(1, np.minimum(stock, d.sum(axis=1) * lowest) / np.maximum(unwanted, tiny))
+    gain[wanted == 0], loss[unwanted == 0] = 1, 1
+    share = np.where(flux > 0, np.minimum(gain[:, None], loss), np.minimum(loss[:, None], gain))
+    found = returned_fluxes(added, c, stock, model)
+    np.testing.assert_allclose(found, (share * flux).sum(axis=1), rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(
+        diffusive_loss(added, c, model), flux.sum(axis=1), rtol=1e-12, atol=1e-12
+    )
 
 
 def test_flux_correction_leaves_resolved_transport_alone_and_bounds_the_rest():

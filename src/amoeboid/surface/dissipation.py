@@ -84,3 +84,20 @@ def _viscous_stress(normals, gradients, faces, v, eta_s, eta_b):  # type: ignore
                 stress[f, p, q] = eta_s * (slope[p, q] + slope[q, p]) - eta_b * trace * n[p] * n[q]
             stress[f, p, p] += eta_b * trace
     return stress
+
+
+def viscous_forces(g: Geometry, mesh: Connectivity, v: Array, eta_s: float, eta_b: float) -> Array:
+    """Node forces (V, 3) of the viscous stress: -K v, K the matrix of `dissipation_blocks`."""
+    stress = viscous_stress(g, mesh, v, eta_s, eta_b)
+    return np.asarray(_stress_forces(g.face_areas, g.gradients, mesh.faces, stress, len(v)))
+
+
+@compiled
+def _stress_forces(areas, gradients, faces, stress, n_nodes):  # type: ignore[no-untyped-def]
+    forces = np.zeros((n_nodes, 3))
+    for f in range(faces.shape[0]):
+        for a in range(3):
+            for p in range(3):
+                for q in range(3):
+                    forces[faces[f, a], p] -= areas[f] * stress[f, p, q] * gradients[f, a, q]
+    return forces

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from amoeboid.numerics.banded import Factor
 from amoeboid.numerics.compiled import compiled
-from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
@@ -49,7 +49,7 @@ from amoeboid.surface.operators import (
 Array = NDArray[np.float64]
 
 # Rigid modes have no stiffness; this share of the viscous one makes the matrix regular. The
-# constraints on translation and rotation then remove what little it does.
+# constraints on translation and rotation then decide on these modes.
 REGULARIZATION = 1e-8
 # Share of eta_s + eta_b that resists gradients of v.n: see above.
 NORMAL_VISCOSITY = 1e-3
@@ -76,8 +76,9 @@ class Cortex:
     """The factorized operator of the force balance on one shape, for time steps dt.
 
     On the pattern of the mesh: `dissipation` (P, 3, 3) the blocks of K, `tension` and `damping`
-    (P,) the implicit tension and the normal viscosity, along `normals` (V, 3). `rigid` (3V, 6): the
-    response to unit rigid forces per area, which keep the constraints.
+    (P,) the implicit tension and the normal viscosity, along `normals` (V, 3). `free` (3V, 6):
+    motions to keep the constraints by, translations and the response to torques spread over the
+    surface; `slope` (V, 3): the velocity that a unit of tension drives.
     """
 
     dt: float
@@ -86,7 +87,8 @@ class Cortex:
     damping: Array
     normals: Array
     factor: Factor
-    rigid: Array
+    free: Array
+    slope: Array
 
 
 def cortex(
@@ -99,19 +101,25 @@ def cortex(
     """
     p, mesh = model.parameters, model.mesh
     viscosity = p.eta_s + p.eta_b
-    stress = zeta0 * np.broadcast_to(np.eye(3), (len(mesh.faces), 3, 3))
+    stress = np.zeros((len(mesh.faces), 3, 3))
     if v_c is not None:
-        stress = stress + viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+        stress = viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+    np.einsum("fii->fi", stress)[:] += zeta0
     tension = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
     dissipation = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
     even = NORMAL_VISCOSITY * viscosity * stiffness(g, mesh)
     damping = normal_projection(even, g.normals, mesh)
-    matrix = dissipation + normal_blocks(damping + dt * tension, g.normals, mesh)
+    matrix = normal_blocks(damping + dt * tension, g.normals, mesh)
+    matrix += dissipation
     shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
-    matrix[model.diagonal] += shift[:, None, None] * np.eye(3)
+    np.einsum("pii->pi", matrix)[model.diagonal] += shift[:, None]
     factor = model.vector_solver.factor(matrix)
-    rigid = factor.solve(_per_area(rigid_motions(r, g), g))
-    return Cortex(dt, dissipation, tension, damping, g.normals, factor, rigid)
+    kept = constraints(r, g, mesh.faces)
+    force = -tension_force(r, g, mesh.faces).reshape(-1, 1)
+    response = factor.solve(np.hstack([force, kept[:, 3:]]))
+    free = np.hstack([rigid_motions(r, g)[:, :3], response[:, 1:]])
+    slope = _in_frame(response[:, 0], free, kept)
+    return Cortex(dt, dissipation, tension, damping, g.normals, factor, free, slope)
 
 
 def force_balance(
@@ -120,56 +128,79 @@ def force_balance(
     r: Array,
     g: Geometry,
     c: Array,
+    zeta0: float,
     ahead: Array | None = None,
     v_c: Array | None = None,
 ) -> TensionFlow:
     """Solve the force balance on the shape r (V, 3) with concentration c (V,), with one `near` it.
 
-    The frame follows the cell. `ahead` (V, 3): what r is ahead of the known part of the step
-    (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c` (V, 3): an estimate
-    of the solution; with it the viscosity is that of r itself up to the error of the estimate,
-    without it that of `near`. Main text, force balance below `vp`; SI `forcebalance2`. Raises
-    InvalidInput where v_p(c) is not defined.
+    The frame follows the cell. `zeta0`: an estimate of the tension; the velocity is that of r
+    itself there, and as far from it as `near` says. `ahead` (V, 3): what r is ahead of the known
+    part of the step (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c`
+    (V, 3): an estimate of the solution; with it the viscosity is that of r itself up to the error
+    of the estimate, without it that of `near`. Main text, force balance below `vp`; SI
+    `forcebalance2`. Raises InvalidInput where v_p(c) is not defined.
     """
     p, mesh = model.parameters, model.mesh
     v_p = p.v_p(c)[:, None] * g.normals
-    force = p.delta_P * volume_gradient(r, mesh.faces)
+    force = p.delta_P * volume_gradient(r, mesh.faces) - zeta0 * tension_force(r, g, mesh.faces)
     if p.alpha > 0:
         # the stress -alpha c I acts like a negative, uneven tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
-        here = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
-        force += block_product(near.dissipation - here, mesh, v_c)
+        force += block_product(near.dissipation, mesh, v_c)
+        force += viscous_forces(g, mesh, v_c, p.eta_s, p.eta_b)
         v_n += np.einsum("vi,vi->v", v_c, g.normals - near.normals)
     moved = near.dt * v_n
     if ahead is not None:
         moved -= np.einsum("vi,vi->v", ahead, g.normals)
     resisted = product(near.damping, mesh, v_n) + product(near.tension, mesh, moved)
     force -= resisted[:, None] * near.normals
-    tension_force = normal_force(area_gradient(g, mesh.faces), r, g)
-    solved = near.factor.solve(np.column_stack([force.ravel(), -tension_force.ravel()]))
-
-    # what may not be: drift of the cell by v = v_c + v_p (rows 0-2), rotation of v_c (rows 3-5)
-    rotations = _per_area(rigid_motions(r, g)[:, 3:], g)
-    forbidden = np.column_stack([drift(r, g, mesh.faces), rotations]).T
-    excess = forbidden @ solved
-    excess[:3, 0] += forbidden[:3] @ v_p.ravel()
-    # forces that keep these constraints; they vanish with the time step and the mesh width
-    keep = np.linalg.solve(forbidden @ near.rigid, excess)
-    rest, slope = ((solved - near.rigid @ keep).T).reshape(2, -1, 3)
-    return TensionFlow(rest=rest + v_p, slope=slope, v_p=v_p)
+    kept = constraints(r, g, mesh.faces)
+    drift = kept[:, :3].T @ v_p.ravel()
+    v = v_p + _in_frame(near.factor.solve(force.ravel()), near.free, kept, drift)
+    return TensionFlow(rest=v - zeta0 * near.slope, slope=near.slope, v_p=v_p)
 
 
-def _per_area(columns: Array, g: Geometry) -> Array:
-    return np.repeat(g.node_areas, 3)[:, None] * columns
+def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) -> Array:
+    """v_c (3V,) as (V, 3), with what of `free` (3V, 6) fulfills the constraints `kept` (3V, 6).
+
+    `drift` (3,) is what v_p adds to the first three. The forces that this takes vanish with the
+    time step and the mesh width.
+    """
+    excess = kept.T @ v_c
+    excess[:3] += drift
+    return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
 
 
-def drift(r: Array, g: Geometry, faces: Index) -> Array:
-    """Columns (3V, 3): their products with a velocity are the volume times that of its center."""
-    x = r - volume_centroid(r, faces)
-    weighted = g.node_areas[:, None] * g.normals
-    return np.asarray(np.einsum("vi,vj->vij", weighted, x).reshape(-1, 3))
+def constraints(r: Array, g: Geometry, faces: Index) -> Array:
+    """Columns (3V, 6) whose products with a velocity vanish in the frame of the cell.
+
+    With v = v_c + v_p, three: the volume times the velocity of its center. With v_c, three: its
+    rotation.
+    """
+    about = r - g.node_areas @ r / g.area
+    centered = r - volume_centroid(r, faces)
+    return np.asarray(_constraints(centered, about, g.node_areas, g.normals).reshape(-1, 6))
+
+
+@compiled
+def _constraints(centered, about, areas, normals):  # type: ignore[no-untyped-def]
+    columns = np.zeros((len(areas), 3, 6))
+    for i in range(len(areas)):
+        for d in range(3):
+            for e in range(3):
+                columns[i, e, d] = areas[i] * normals[i, e] * centered[i, d]
+            p, q = (d + 1) % 3, (d + 2) % 3
+            columns[i, p, 3 + d] = -areas[i] * about[i, q]
+            columns[i, q, 3 + d] = areas[i] * about[i, p]
+    return columns
+
+
+def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
+    """Minus the node forces of a unit of tension (V, 3): the normal part of dA/dr [L]."""
+    return normal_force(area_gradient(g, faces), r, g)
 
 
 def normal_force(force: Array, r: Array, g: Geometry) -> Array:
@@ -178,11 +209,37 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     Net force and torque of `force` must vanish (those of any energy of the shape do); what the
     projection adds to them is spread over the surface and taken off again.
     """
-    projected = normal_part(force, g.normals)
-    rigid = rigid_motions(r, g)
-    weighted = _per_area(rigid, g)
-    share = np.linalg.solve(rigid.T @ weighted, rigid.T @ projected.ravel())
-    return np.asarray(projected - (weighted @ share).reshape(-1, 3))
+    about = r - g.node_areas @ r / g.area
+    normal = normal_part(force, g.normals)
+    # areas about their center: translation and rotation uncouple
+    torque, inertia = _moments(normal, about, g.node_areas)
+    shift, turn = normal.sum(axis=0) / g.area, np.linalg.solve(inertia, torque)
+    return np.asarray(_without_rigid(normal, about, g.node_areas, shift, turn))
+
+
+@compiled
+def _moments(force, about, areas):  # type: ignore[no-untyped-def]
+    torque, inertia = np.zeros(3), np.zeros((3, 3))
+    for i in range(len(areas)):
+        square = about[i, 0] ** 2 + about[i, 1] ** 2 + about[i, 2] ** 2
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            torque[d] += about[i, p] * force[i, q] - about[i, q] * force[i, p]
+            inertia[d, d] += areas[i] * square
+            for e in range(3):
+                inertia[d, e] -= areas[i] * about[i, d] * about[i, e]
+    return torque, inertia
+
+
+@compiled
+def _without_rigid(force, about, areas, shift, turn):  # type: ignore[no-untyped-def]
+    rest = np.empty(force.shape)
+    for i in range(len(areas)):
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            rigid = shift[d] + turn[p] * about[i, q] - turn[q] * about[i, p]
+            rest[i, d] = force[i, d] - areas[i] * rigid
+    return rest
 
 
 def rigid_motions(r: Array, g: Geometry) -> Array:

@@ -152,37 +152,55 @@ def _area_along(r, faces, direction):  # type: ignore[no-untyped-def]
 
 def node_areas(r: Array, faces: Index) -> Array:
     """A third of the areas of the triangles around each node (V,) [length^2]."""
-    vectors = face_vectors(r, faces)
-    thirds = np.sqrt(np.einsum("fi,fi->f", vectors, vectors)) / 3.0
-    return scatter(np.broadcast_to(thirds[:, None, None], (len(faces), 3, 1)), faces, len(r))[:, 0]
+    return np.asarray(_node_areas(r, faces))
+
+
+@compiled
+def _node_areas(r, faces):  # type: ignore[no-untyped-def]
+    node_areas = np.zeros(r.shape[0])
+    u, v = np.empty(3), np.empty(3)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
+        square = 0.0
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            square += (u[p] * v[q] - u[q] * v[p]) ** 2
+        share = np.sqrt(square) / 6.0
+        node_areas[i] += share
+        node_areas[j] += share
+        node_areas[k] += share
+    return node_areas
 
 
 def volume(r: Array, faces: Index) -> float:
     """Enclosed volume, (1/3) of the integral of r.n [length^3]; positive if oriented outward."""
-    return float(_volume_moments(r, faces)[0].sum())
+    return float(_volume_moments(r, faces)[0])
 
 
 def volume_centroid(r: Array, faces: Index) -> Array:
     """Center of the enclosed volume (3,) [length]."""
-    moments = _volume_moments(r, faces).sum(axis=1)
+    moments = _volume_moments(r, faces)
     return np.asarray(moments[1:] / moments[0])
 
 
 @compiled
 def _volume_moments(r, faces):  # type: ignore[no-untyped-def]
     # volume and first moments of the tetrahedra between the triangles and the origin
-    moments = np.empty((4, faces.shape[0]))
+    volume, mx, my, mz = 0.0, 0.0, 0.0, 0.0
     for f in range(faces.shape[0]):
-        a, b, c = r[faces[f, 0]], r[faces[f, 1]], r[faces[f, 2]]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         sixfold = (
-            a[0] * (b[1] * c[2] - b[2] * c[1])
-            + a[1] * (b[2] * c[0] - b[0] * c[2])
-            + a[2] * (b[0] * c[1] - b[1] * c[0])
+            r[i, 0] * (r[j, 1] * r[k, 2] - r[j, 2] * r[k, 1])
+            + r[i, 1] * (r[j, 2] * r[k, 0] - r[j, 0] * r[k, 2])
+            + r[i, 2] * (r[j, 0] * r[k, 1] - r[j, 1] * r[k, 0])
         )
-        moments[0, f] = sixfold / 6.0
-        for d in range(3):
-            moments[1 + d, f] = sixfold * (a[d] + b[d] + c[d]) / 24.0
-    return moments
+        volume += sixfold
+        mx += sixfold * (r[i, 0] + r[j, 0] + r[k, 0])
+        my += sixfold * (r[i, 1] + r[j, 1] + r[k, 1])
+        mz += sixfold * (r[i, 2] + r[j, 2] + r[k, 2])
+    return np.array([volume / 6.0, mx / 24.0, my / 24.0, mz / 24.0])
 
 
 def triangle_quality(r: Array, faces: Index) -> Array:
@@ -243,8 +261,24 @@ def area_gradient(g: Geometry, faces: Index) -> Array:
 
 def volume_gradient(r: Array, faces: Index) -> Array:
     """Derivative of the volume with respect to the nodes, (V, 3) [length^2]."""
-    third = face_vectors(r, faces) / 3.0
-    return scatter(np.broadcast_to(third[:, None, :], (len(faces), 3, 3)), faces, len(r))
+    return np.asarray(_volume_gradient(r, faces))
+
+
+@compiled
+def _volume_gradient(r, faces):  # type: ignore[no-untyped-def]
+    gradient = np.zeros(r.shape)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            sixth = (
+                (r[j, p] - r[i, p]) * (r[k, q] - r[i, q])
+                - (r[j, q] - r[i, q]) * (r[k, p] - r[i, p])
+            ) / 6.0
+            gradient[i, d] += sixth
+            gradient[j, d] += sixth
+            gradient[k, d] += sixth
+    return gradient
 
 
 def scatter(corner_values: Array, faces: Index, n_nodes: int) -> Array:

@@ -72,6 +72,8 @@ def connectivity(faces: Index) -> Connectivity:
 def _check_closed(faces: Index) -> None:
     if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) < 4:
         raise InvalidInput(f"faces must have shape (F, 3) with F >= 4, got {faces.shape}")
+    if faces.min() < 0:
+        raise InvalidInput(f"faces must hold node numbers >= 0, got {faces.min()}")
     n = int(faces.max()) + 1
     half_edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     forward = np.sort(half_edges[:, 0] * n + half_edges[:, 1])

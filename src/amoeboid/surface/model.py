@@ -15,6 +15,7 @@ from amoeboid.numerics.iterative import DominatedByDiagonal
 from amoeboid.numerics.symmetric import symmetric_solver
 from amoeboid.parameters import Parameters
 from amoeboid.surface.mesh import Connectivity
+from amoeboid.theory.linear import growth_rate
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,11 @@ class Model:
     def rate(self) -> float:
         """Parameters.rate: the unit in which slow and steady are measured [1/T]."""
         return self.parameters.rate
+
+    @cached_property
+    def growth_rate(self) -> float:
+        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T]."""
+        return float(growth_rate(self.parameters, 1))
 
     @cached_property
     def vector_solver(self) -> SymmetricBand | SparseCholesky:

@@ -101,16 +101,18 @@ def advection(g: Geometry, mesh: Connectivity, u: Array) -> Array:
 @compiled
 def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
+    total = np.empty(3)
     for f in range(areas.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            total[d] = u[i, d] + u[j, d] + u[k, d]
         for b in range(3):
+            v = faces[f, b]
             for a in range(3):
                 # integral of phi_b u over the triangle, u linear: area (sum of u + u_b) / 12
                 flow = 0.0
                 for d in range(3):
-                    total = u[faces[f, b], d]
-                    for k in range(3):
-                        total += u[faces[f, k], d]
-                    flow += total * gradients[f, a, d]
+                    flow += (total[d] + u[v, d]) * gradients[f, a, d]
                 entries[slots[f, a, b]] += areas[f] * flow / 12.0
     return entries
 

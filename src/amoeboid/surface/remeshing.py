@@ -16,12 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.surface.geometry import (
-    area,
-    area_gradient,
+    area_along,
     extreme_edges,
     face_vectors,
     geometry,
     mesh_quality,
+    node_areas,
     triangle_quality,
 )
 from amoeboid.surface.mesh import Connectivity, Index, connectivity, narrow_numbering
@@ -90,11 +90,28 @@ def remeshed(model: Model, history: Sequence[State]) -> tuple[Model, tuple[State
         return model, tuple(history)
     order, faces = narrow_numbering(mesh.faces)
     states = tuple(replace(s, r=s.r[order], c=s.c[order]) for s in states)
-    g = geometry(states[0].r, faces)
-    missing = model.A0 - area(states[0].r, faces)
-    shift = missing / float(np.sum(area_gradient(g, faces) * g.normals)) * g.normals
-    states = tuple(replace(s, r=s.r + shift) for s in states)
+    swelling = _swelling(states[0].r, faces, model.A0)
+    states = tuple(
+        _refilled(replace(new, r=new.r + swelling), faces, old, model.mesh.faces)
+        for new, old in zip(states, history, strict=True)
+    )
     return Model(model.parameters, connectivity(faces), model.edge_length), states
+
+
+def _swelling(r: Array, faces: Index, wanted: float) -> Array:
+    """Displacement (V, 3), the same along all node normals, that gives the surface its area."""
+    normals = geometry(r, faces).normals
+    amount = 0.0
+    for _ in range(4):  # Newton from next to the solution
+        found, growth = area_along(r + amount * normals, faces, normals)
+        amount += (wanted - found) / growth
+    return amount * normals
+
+
+def _refilled(new: State, faces: Index, old: State, old_faces: Index) -> State:
+    """`new` with as many filaments as `old`: what swelling has changed is spread evenly."""
+    held, found = (s.c @ node_areas(s.r, f) for s, f in ((old, old_faces), (new, faces)))
+    return replace(new, c=new.c * (held / found)) if found > 0 else new
 
 
 def in_order(r: Array, faces: Index, edge_length: float) -> bool:

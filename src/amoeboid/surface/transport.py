@@ -16,9 +16,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import Geometry
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, scalar_matrix, stiffness
+from amoeboid.surface.operators import advection, product, stiffness
 
 Array = NDArray[np.float64]
 
@@ -44,15 +45,23 @@ def transported(
 
 def added_diffusion(entries: Array, model: Model) -> Array:
     """Least symmetric exchange d_ij >= 0 (P,) that makes all off-diagonal entries <= 0."""
-    added = np.maximum(0.0, np.maximum(entries, entries[model.transposed]))
-    added[model.diagonal] = 0.0
+    mesh = model.mesh
+    return np.asarray(_added_diffusion(entries, model.transposed, mesh.row_start, mesh.columns))
+
+
+@compiled
+def _added_diffusion(entries, transposed, row_start, columns):  # type: ignore[no-untyped-def]
+    added = np.empty(len(entries))
+    for i in range(len(row_start) - 1):
+        for k in range(row_start[i], row_start[i + 1]):
+            least = max(0.0, entries[k], entries[transposed[k]])
+            added[k] = least if columns[k] != i else 0.0
     return added
 
 
 def diffusive_loss(added: Array, c: Array, model: Model) -> Array:
     """What each node loses (V,) to its neighbors by the added diffusion, if nothing is returned."""
-    rows, columns = model.mesh.rows, model.mesh.columns
-    return _sums(added * (c[rows] - c[columns]), model)
+    return _sums(added, model) * c - product(added, model.mesh, c)
 
 
 def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array:
@@ -62,27 +71,37 @@ def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array
     """
     if not added.any():
         return np.zeros_like(c)
-    rows, columns, starts = model.mesh.rows, model.mesh.columns, model.mesh.row_start[:-1]
-    step = c[rows] - c[columns]
-    fluxes = added * step
-    reach = _sums(added, model)
-    gain = _share(_sums(np.maximum(fluxes, 0.0), model), reach * np.maximum.reduceat(-step, starts))
-    below = np.minimum(stock, reach * np.maximum.reduceat(step, starts))
-    loss = _share(_sums(np.maximum(-fluxes, 0.0), model), below)
-    inward, outward = np.minimum(gain[rows], loss[columns]), np.minimum(loss[rows], gain[columns])
-    return _sums(fluxes * np.where(fluxes > 0, inward, outward), model)
+    return np.asarray(_returned_fluxes(added, c, stock, model.mesh.row_start, model.mesh.columns))
+
+
+@compiled
+def _returned_fluxes(added, c, stock, row_start, columns):  # type: ignore[no-untyped-def]
+    n = len(row_start) - 1
+    gain, loss = np.empty(n), np.empty(n)  # shares of what would be returned that may be
+    for i in range(n):
+        reach, gained, lost, higher, lower = 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(row_start[i], row_start[i + 1]):
+            step = c[i] - c[columns[k]]
+            reach += added[k]
+            gained += max(added[k] * step, 0.0)
+            lost += max(-added[k] * step, 0.0)
+            higher, lower = max(higher, -step), max(lower, step)
+        above, below = reach * higher, min(stock[i], reach * lower)
+        gain[i] = above / gained if gained > above else 1.0
+        loss[i] = below / lost if lost > below else 1.0
+    returned = np.zeros(n)
+    for i in range(n):
+        for k in range(row_start[i], row_start[i + 1]):
+            j = columns[k]
+            flux = added[k] * (c[i] - c[j])
+            share = min(gain[i], loss[j]) if flux > 0.0 else min(loss[i], gain[j])
+            returned[i] += share * flux
+    return returned
 
 
 def _sums(entries: Array, model: Model) -> Array:
     """Row sums (V,) of entries on the pattern of the mesh."""
     return np.asarray(np.add.reduceat(entries, model.mesh.row_start[:-1]))
-
-
-def _share(wanted: Array, allowed: Array) -> Array:
-    """allowed/wanted where more is wanted than allowed, else 1."""
-    share = np.ones_like(wanted)
-    np.divide(allowed, wanted, out=share, where=wanted > allowed)
-    return share
 
 
 def filaments(c: Array, g: Geometry) -> Array:
@@ -102,5 +121,5 @@ def rate_of_change(model: Model, c: Array, g: Geometry, velocity: Array) -> Arra
     kept = returned_fluxes(added, c, np.full_like(c, np.inf), model) - diffusive_loss(
         added, c, model
     )
-    gain = scalar_matrix(exchange, mesh) @ c + kept
+    gain = product(exchange, mesh, c) + kept
     return np.asarray(gain / g.node_areas + p.beta * (p.c0 - c))

@@ -1,0 +1,159 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.parameters import Parameters
+from amoeboid.simulation import evolve, start
+from amoeboid.surface.geometry import (
+    area,
+    geometry,
+    mesh_quality,
+    volume,
+    volume_centroid,
+)
+from amoeboid.surface.initial import sphere
+from amoeboid.surface.mesh import connectivity
+from amoeboid.surface.model import Model, State
+from amoeboid.surface.remeshing import (
+    LONGEST,
+    SHORTEST,
+    carried,
+    collapses,
+    edges,
+    flips,
+    remeshed,
+    splits,
+)
+
+SOFT = Parameters(D=0.4, v_p0=6.0, delta_P=3.0)
+
+
+def stretched(factor, subdivisions=2, seed=0):
+    """An ellipsoid whose nodes were carried along by the stretching: long and short edges."""
+    model, rest = sphere(SOFT, subdivisions)
+    rng = np.random.default_rng(seed)
+    turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    r = rest.r @ turn * [factor, 1.0, 1.0 / factor]
+    r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
+    c = 3 + r[:, 0] + 0.3 * r[:, 1] ** 2
+    return model, replace(rest, r=r, c=c)
+
+
+def filaments(model, state):
+    return geometry(state.r, model.mesh.faces).node_areas @ state.c
+
+
+def edge_lengths(model, state):
+    return edges(state.r, model.mesh.faces).length / model.edge_length
+
+
+def test_a_mesh_in_order_is_left_alone():
+    model, rest = sphere(SOFT, 2)
+    new, history = remeshed(model, (rest, rest))
+    assert new is model
+    assert history[0] is rest
+
+
+@settings(max_examples=10)
+@given(factor=st.floats(1.7, 2.3), seed=st.integers(0, 1000))
+def test_a_stretched_mesh_is_put_in_order_and_keeps_what_it_carries(factor, seed):
+    model, state = stretched(factor, seed=seed)
+    before = replace(state, t=-0.1, r=0.99 * state.r, c=1.1 * state.c)
+    new, (now, past) = remeshed(model, (state, before))
+    assert new is not model
+    connectivity(new.mesh.faces)  # closed, oriented, one piece
+    lengths, old_lengths = edge_lengths(new, now), edge_lengths(model, state)
+    assert np.mean(lengths > LONGEST) < 0.01 + 0.1 * np.mean(old_lengths > LONGEST)
+    # where the surface is strongly bent a collapse would flatten it, and is left out
+    assert np.mean(lengths < SHORTEST) < 0.03 + 0.2 * np.mean(old_lengths < SHORTEST)
+    old_quality = mesh_quality(state.r, model.mesh.faces)
+    assert mesh_quality(now.r, new.mesh.faces) > min(0.99 * old_quality, 0.6)
+    assert abs(len(now.c) / len(state.c) - 1) < 0.5
+    assert new.mesh.valence.min() >= 4
+    assert area(now.r, new.mesh.faces) == pytest.approx(model.A0, rel=1e-13)
+    assert filaments(new, now) == pytest.approx(filaments(model, state), rel=1e-13)
+    # the past keeps its own filaments and stays as far behind
+    assert filaments(new, past) == pytest.approx(filaments(model, before), rel=1e-13)
+    np.testing.assert_allclose(past.c, 1.1 * now.c, rtol=0.02)
+    assert past.t == before.t
+    assert now.c.min() >= 0
+
+
+def test_every_change_keeps_the_filaments_exactly_and_the_rest_untouched():
+    model, state = stretched(2.0)
+    for find in (splits, collapses, flips):
+        change = find(state.r, model.mesh, model.edge_length)
+        assert change is not None
+        new_state = carried(state, model.mesh, change)
+        new = Model(SOFT, connectivity(change.faces), model.edge_length)
+        assert filaments(new, new_state) == pytest.approx(filaments(model, state), rel=1e-13)
+        untouched = change.patch[change.first] < 0
+        assert untouched.any()
+        assert np.array_equal(new_state.r[untouched], state.r[change.first[untouched]])
+        np.testing.assert_allclose(
+            new_state.c[untouched], state.c[change.first[untouched]], rtol=1e-13
+        )
+        assert find is flips or len(new_state.c) != len(state.c)
+
+
+@pytest.mark.parametrize("subdivisions", [2, 3])
+def test_new_nodes_lie_on_the_curved_surface(subdivisions):
+    """On a sphere the middle of an edge is h^2/8 inside, the new node much nearer."""
+    model, rest = sphere(SOFT, subdivisions)
+    change = splits(rest.r, model.mesh, 0.5 * model.edge_length)
+    added = change.first != change.second
+    new = carried(rest, model.mesh, change)
+    radius = np.linalg.norm(new.r[added], axis=1) / np.linalg.norm(rest.r, axis=1).mean() - 1
+    sagitta = (model.edge_length**2) / 8
+    assert np.abs(radius).max() < 0.25 * sagitta
+
+
+def test_volume_and_centroid_hardly_change():
+    model, state = stretched(1.8, subdivisions=3)
+    new, (now,) = remeshed(model, (state,))
+    assert volume(now.r, new.mesh.faces) == pytest.approx(
+        volume(state.r, model.mesh.faces), rel=2e-3
+    )
+    shift = volume_centroid(now.r, new.mesh.faces) - volume_centroid(state.r, model.mesh.faces)
+    assert np.abs(shift).max() < 2e-3
+
+
+def test_a_node_that_would_lose_too_many_neighbors_keeps_its_edges():
+    """Three edges at a node cannot be flipped away, and no two nodes get two edges."""
+    model, state = stretched(2.5, subdivisions=1)
+    for _ in range(5):
+        model, (state,) = remeshed(model, (state,))
+        e = edges(state.r, model.mesh.faces)
+        pairs = np.stack([e.a, e.b], axis=1)
+        assert len(np.unique(pairs, axis=0)) == len(pairs) == 3 * len(state.c) - 6
+        assert model.mesh.valence.min() >= 4
+
+
+def test_a_run_goes_on_through_changes_of_its_mesh():
+    """A soft cell deforms until its mesh must change: area and filaments are kept throughout."""
+    p = Parameters(D=0.4, v_p0=8.0, delta_P=2.0, beta=0.0)
+    config = Config(
+        parameters=p,
+        mesh=Mesh(subdivisions=2),
+        initial=Initial(perturbation=2.0),
+        time=Time(end=0.65, stop_when_steady=False),
+    )
+    first = start(config)
+    number, models = filaments(first.model, first.state), {id(first.model): first.model}
+    for step in evolve(first, config.time):
+        models[id(step.model)] = step.model
+        assert area(step.state.r, step.model.mesh.faces) == pytest.approx(step.model.A0, rel=1e-12)
+        assert filaments(step.model, step.state) == pytest.approx(number, rel=1e-12)
+        assert step.state.c.min() >= 0
+    assert len(models) > 1
+
+
+def test_states_of_the_past_may_be_missing():
+    model, state = stretched(2.0)
+    for count in (1, 2, 3):
+        history = tuple(State(-k, state.r, state.c, 1.0, state.position) for k in range(count))
+        assert len(remeshed(model, history)[1]) == count
