@@ -1,7 +1,8 @@
 """What a cell is measured by; the same definitions for every solver.
 
-To add an observable of 3D runs, write a function of (model, state, flow) and list it in
-`OBSERVABLES`: it appears in the time series, the summary and the JSON.
+To add an observable of 3D runs, write a function of (model, state, flow) and list it: a number that
+does not depend on the orientation of the cell in `OBSERVABLES`, a vector in `VECTORS`. It appears
+in the time series, a vector in three columns name_x, name_y, name_z.
 """
 
 from __future__ import annotations
@@ -22,6 +23,8 @@ Index = NDArray[np.int64]
 
 # Number of nodes, fastest first, whose neighborhood is searched for the maximal speed.
 SEARCHED = 24
+# Slower than this, in units of rate R0, a cell has no heading.
+SLOWEST_WITH_HEADING = 1e-6
 # Share of the largest pivot below which a fit is taken for underdetermined.
 UNDETERMINED = 1e-10
 
@@ -31,11 +34,37 @@ def retrograde_flow(model: Model, state: State, flow: Flow) -> Array:
 
     That frame follows the center of the enclosed volume.
     """
+    relative = flow.v - center_velocity(model, state, flow)
+    return relative - geometry.normal_part(relative, flow.normals)
+
+
+def center_velocity(model: Model, state: State, flow: Flow) -> Array:
+    """Velocity (3,) of the center of the enclosed volume in the frame of the nodes [L/T]."""
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
-    drift = (flow.node_areas * v_n) @ x / volume(state.r, model.mesh.faces)
-    relative = flow.v - drift
-    return relative - geometry.normal_part(relative, flow.normals)
+    return np.asarray((flow.node_areas * v_n) @ x / volume(state.r, model.mesh.faces))
+
+
+def migration(model: Model, state: State, flow: Flow) -> Array:
+    """Velocity (3,) of the cell, that of the center of its volume, in the laboratory [L/T].
+
+    The laboratory is the frame in which the cortex as a whole rests (area mean of v_c).
+    """
+    mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
+    return np.asarray(center_velocity(model, state, flow) - mean_v_c)
+
+
+def migration_speed(model: Model, state: State, flow: Flow) -> float:
+    """Speed of the cell in the laboratory, see `migration` [L/T]."""
+    return float(np.linalg.norm(migration(model, state, flow)))
+
+
+def heading(model: Model, state: State, flow: Flow) -> Array:
+    """Unit vector (3,) along `migration`; zero for a cell that rests."""
+    velocity = migration(model, state, flow)
+    speed = np.linalg.norm(velocity)
+    moves = speed > SLOWEST_WITH_HEADING * model.rate * model.parameters.R0
+    return np.asarray(velocity / speed if moves else np.zeros(3))
 
 
 def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
@@ -123,13 +152,26 @@ OBSERVABLES: dict[str, Observable] = {
         reduced_volume,
         filament_number,
         mesh_quality,
+        migration_speed,
     )
 }
+
+VECTORS: dict[str, Callable[[Model, State, Flow], Array]] = {f.__name__: f for f in (heading,)}
+COLUMNS = (*OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz"))
 
 
 def observed(model: Model, state: State, flow: Flow) -> dict[str, float]:
     """All observables of one state, by name."""
     return {name: f(model, state, flow) for name, f in OBSERVABLES.items()}
+
+
+def components(model: Model, state: State, flow: Flow) -> dict[str, float]:
+    """Components of all vector observables of one state: name_x, name_y, name_z."""
+    return {
+        f"{name}_{axis}": float(value)
+        for name, f in VECTORS.items()
+        for axis, value in zip("xyz", f(model, state, flow), strict=True)
+    }
 
 
 def _largest(values: Array, count: int) -> Index:

@@ -33,7 +33,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
-from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
+from amoeboid.observables import COLUMNS as OBSERVED_COLUMNS
+from amoeboid.observables import components, observed, retrograde_flow
 from amoeboid.simulation import Step
 from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Flow, Model, State
@@ -42,7 +43,7 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[Any]
 
 STEP_COLUMNS = ("step", "t", "dt", "rejected", "rate", "x", "y", "z")
-COLUMNS = (*STEP_COLUMNS, *OBSERVABLES)
+COLUMNS = (*STEP_COLUMNS, *OBSERVED_COLUMNS)
 PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista")
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
@@ -101,6 +102,7 @@ class Run:
             "rate": step.rate,
             **position,
             **observed(step.model, step.state, step.flow),
+            **components(step.model, step.state, step.flow),
         }
         self.rows.append(row)
         return row

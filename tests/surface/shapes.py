@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from amoeboid.surface.geometry import area
 from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.relaxation import even_icosphere
 
@@ -24,3 +25,43 @@ def observed_orders(sizes, errors):
     """Exponents p of error ~ h^p between successive meshes, h ~ size**-0.5."""
     sizes, errors = np.asarray(sizes, float), np.abs(errors)
     return -2 * np.diff(np.log(errors)) / np.diff(np.log(sizes))
+
+
+def sausage(subdivisions, angle, length=3.0, radius=0.45):
+    """An even icosphere drawn out to a rod of half `length` and bent by `angle` along a circle.
+
+    A small angle leaves it straight; bent by the whole circle its ends run into each other.
+    """
+    r, mesh = sphere(subdivisions)
+    x, y, z = (r * [radius, radius, length]).T
+    bend = angle / (2 * length)
+    around, out = bend * z, 1 / bend + x
+    return np.column_stack([out * np.cos(around) - 1 / bend, y, out * np.sin(around)]), mesh
+
+
+def dumbbell(subdivisions, neck=0.35):
+    """A smooth surface of revolution about z, of area 4 pi, with a neck of negative curvature.
+
+    r(theta) = a + (1 - a) cos(theta)^2 up to scale: the neck has the radius a = `neck` of the half
+    length.
+    """
+    return _radial(subdivisions, lambda n: neck + (1 - neck) * n[:, 2] ** 2)
+
+
+def three_lobed(subdivisions, depth=0.45):
+    """A smooth cell of area 4 pi with three lobes around z, saddles between them.
+
+    r = 1 + depth sin(theta)^3 cos(3 phi) up to scale.
+    """
+
+    def radius(n):
+        x, y, _ = n.T
+        return 1 + depth * (x**3 - 3 * x * y**2)
+
+    return _radial(subdivisions, radius)
+
+
+def _radial(subdivisions, radius):
+    n, mesh = sphere(subdivisions)
+    r = radius(n)[:, None] * n
+    return r * np.sqrt(4 * np.pi / area(r, mesh.faces)), mesh

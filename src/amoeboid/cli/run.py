@@ -217,9 +217,13 @@ def _progress(run: Run) -> Iterator[Any]:
 
 def _draw(run: Run, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
+    from amoeboid.plotting.trajectory import save_trajectory_picture
 
+    times, positions = [row["t"] for row in run.rows], [[row[k] for k in "xyz"] for row in run.rows]
     try:
         save_cell_picture(run.folder / "cell.png", last)
+        R0 = last.model.parameters.R0
+        save_trajectory_picture(run.folder / "trajectory.png", times, positions, R0)
     except (RuntimeError, OSError) as error:
         print(f"amoeboid run: no picture, rendering failed: {error}", file=sys.stderr)
 

@@ -5,6 +5,9 @@ surface whose spacing is a power of two: short binary fractions stay what they a
 of every determinant is found in 64-bit arithmetic without rounding, so that flat, touching and
 nearly touching parts are no special risk. Candidates come from sorting the bounding boxes along
 the longest axis of the surface.
+
+A surface that a center sees from inside, every triangle once, cannot cross itself. That takes one
+pass over the triangles and spares runs the search, as long as the cell has no deep folds.
 """
 
 from __future__ import annotations
@@ -13,11 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.compiled import compiled
+from amoeboid.surface.geometry import volume_centroid
 from amoeboid.surface.mesh import Index
 
 Array = NDArray[np.float64]
 
 GRID = 2**29 - 1
+# Least share of the product of the distances of its corners that the volume between the center and
+# a triangle counts as positive with; far above rounding.
+SEEN_FROM_INSIDE = 1e-6
+
+
+def embedded(r: Array, faces: Index) -> bool:
+    """Whether a closed surface nowhere touches or crosses itself; r (V, 3), faces (F, 3)."""
+    return _star_shaped(r - volume_centroid(r, faces), faces) or intersecting_pair(r, faces) is None
 
 
 def intersecting_pair(r: Array, faces: Index) -> tuple[int, int] | None:
@@ -29,11 +41,49 @@ def intersecting_pair(r: Array, faces: Index) -> tuple[int, int] | None:
     spacing = 2.0 ** np.ceil(np.log2(extent.max() / GRID))
     nodes = np.rint((r - r.min(axis=0)) / spacing).astype(np.int64)
     axes = np.argsort(-extent, kind="stable")
-    corners = nodes[faces]
-    low, high = corners.min(axis=1)[:, axes], corners.max(axis=1)[:, axes]
+    low, high = _boxes(nodes, faces, axes)
     order = np.argsort(low[:, 0], kind="stable")
     first, second = _first_meeting(nodes, faces[order], low[order], high[order])
     return None if first < 0 else (int(order[first]), int(order[second]))
+
+
+@compiled
+def _star_shaped(x, faces):  # type: ignore[no-untyped-def]
+    """Whether rays from the origin pierce each one triangle, from inside.
+
+    All triangles seen from inside cover the sphere of directions without folds; it is covered once
+    where the sum of their solid angles is 4 pi (A. van Oosterom, J. Strackee, IEEE Trans. Biomed.
+    Eng. 30, 1983).
+    """
+    total = 0.0
+    for f in range(faces.shape[0]):
+        a, b, c = x[faces[f, 0]], x[faces[f, 1]], x[faces[f, 2]]
+        sixfold = (
+            a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+        )
+        aa, bb, cc, ab, bc, ca = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for d in range(3):
+            aa, bb, cc = aa + a[d] * a[d], bb + b[d] * b[d], cc + c[d] * c[d]
+            ab, bc, ca = ab + a[d] * b[d], bc + b[d] * c[d], ca + c[d] * a[d]
+        aa, bb, cc = np.sqrt(aa), np.sqrt(bb), np.sqrt(cc)
+        if not sixfold > SEEN_FROM_INSIDE * aa * bb * cc:
+            return False
+        total += 2.0 * np.arctan2(sixfold, aa * bb * cc + ab * cc + bc * aa + ca * bb)
+    return total < 6.0 * np.pi
+
+
+@compiled
+def _boxes(nodes, faces, axes):  # type: ignore[no-untyped-def]
+    """Least and largest coordinates (F, 3) of the corners, along `axes` in this order."""
+    low, high = np.empty(faces.shape, np.int64), np.empty(faces.shape, np.int64)
+    for f in range(len(faces)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            a, b, c = nodes[i, axes[d]], nodes[j, axes[d]], nodes[k, axes[d]]
+            low[f, d], high[f, d] = min(a, b, c), max(a, b, c)
+    return low, high
 
 
 @compiled
@@ -43,10 +93,11 @@ def _first_meeting(nodes, faces, low, high):  # type: ignore[no-untyped-def]
         for j in range(i + 1, len(faces)):
             if low[j, 0] > high[i, 0]:
                 break
-            apart = False
-            for d in (1, 2):
-                apart = apart or low[j, d] > high[i, d] or low[i, d] > high[j, d]
-            if not apart and _meet(nodes, faces[i], faces[j]):
+            if low[j, 1] > high[i, 1] or low[i, 1] > high[j, 1]:
+                continue
+            if low[j, 2] > high[i, 2] or low[i, 2] > high[j, 2]:
+                continue
+            if _meet(nodes, faces[i], faces[j]):
                 return i, j
     return -1, -1
 
@@ -65,6 +116,8 @@ def _meet(nodes, first, second):  # type: ignore[no-untyped-def]
         if not other_shared:
             other_apex = k
     if common < 2:
+        if _beside(nodes, first, second) or _beside(nodes, second, first):
+            return False
         # what meets at a common node only ends on the edges opposite to it
         for k in range(3):
             i, j = first[k], first[(k + 1) % 3]
@@ -83,6 +136,32 @@ def _meet(nodes, first, second):  # type: ignore[no-untyped-def]
         p, q = _plane_axes(nodes, first)
         return _turn(nodes, b, c, a, p, q) == _turn(nodes, b, c, d, p, q)
     return True
+
+
+@compiled
+def _beside(nodes, first, second):  # type: ignore[no-untyped-def]
+    """Whether all corners of `second`, but for common ones, are clearly on one side of `first`.
+
+    In floating point, where the determinant exceeds every rounding error of products up to 2^88.
+    """
+    o, b, c = first[0], first[1], first[2]
+    normal_x = float(_minor(nodes, o, b, c, 1, 2))
+    normal_y = float(_minor(nodes, o, b, c, 2, 0))
+    normal_z = float(_minor(nodes, o, b, c, 0, 1))
+    above, below = False, False
+    for k in range(3):
+        i = second[k]
+        if i in (o, b, c):
+            continue
+        distance = (
+            normal_x * (nodes[i, 0] - nodes[o, 0])
+            + normal_y * (nodes[i, 1] - nodes[o, 1])
+            + normal_z * (nodes[i, 2] - nodes[o, 2])
+        )
+        if abs(distance) < 2.0**40:
+            return False
+        above, below = above or distance > 0, below or distance < 0
+    return not (above and below)
 
 
 @compiled

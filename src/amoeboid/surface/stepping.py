@@ -2,7 +2,8 @@
 
 Second order in time, with steps of any length: backward differences (numerics/multistep.py) for
 shape and concentration. The implicit equations are solved by a simplified Newton iteration from the
-extrapolated past: the viscous operator is factorized once a step, there. Linearized are viscosity,
+extrapolated past: the viscous operator is factorized once a step, there, and anew only where that
+converges slowly, as on shapes whose resistance changes as they move. Linearized are viscosity,
 tension (on the normal motion), advection, diffusion and turnover. The area is exact after every
 step.
 """
@@ -26,6 +27,7 @@ from amoeboid.surface.geometry import (
     normal_part,
     volume_centroid,
 )
+from amoeboid.surface.intersections import embedded
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import relaxation
 from amoeboid.surface.transport import transported
@@ -43,7 +45,9 @@ MESH_RELAXATION = 1.0
 # pass is still to come: a third of the error of a step.
 CONVERGED = 0.05
 NO_CHANGE = 1e-9
-MOST_PASSES = 8
+MOST_PASSES = 15
+# So many passes are made with one factorization before a new one is made, where the shape is now.
+PATIENCE = 6
 # Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
 RELAXATION_STEP = 100.0
 # Normal speed, in units of rate R0, of a shape that counts as resting.
@@ -81,6 +85,8 @@ def semi_implicit_step(
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     changes: list[float] = []
     while True:
+        if len(changes) >= PATIENCE:
+            near = cortex(model, r, g, scheme.dt, zeta0, v_c)
         solution = force_balance(model, near, r, g, c, zeta0, r - known, v_c)
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
         v = solution.v(zeta0)
@@ -228,3 +234,7 @@ def check_step(model: Model, old: State, new: State) -> None:
         )
     if np.einsum("fi,fi->f", before, after).min() <= 0:
         raise StepFailed("a triangle has turned over: the surface folds, or its mesh is too coarse")
+    if not embedded(new.r, model.mesh.faces):
+        raise StepFailed(
+            "the surface crosses itself: parts of the cell have met; this model has no contact"
+        )

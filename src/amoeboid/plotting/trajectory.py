@@ -1,0 +1,54 @@
+"""The way of a cell in the laboratory, in the plane that holds most of it and across that plane."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from amoeboid.store import write_atomically
+
+Array = NDArray[np.float64]
+
+LEAST_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
+INK, MUTED = "#1b1b1b", "#7a7a7a"
+
+
+def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, R0: float) -> bool:
+    """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
+
+    Axes: the principal axes of the way, the longest first; the unit is R0.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
+    if np.linalg.norm(x - x[0], axis=1).max() < LEAST_WAY:
+        return False
+    way = along_principal_axes(x)
+    figure = Figure(figsize=(9.6, 4.6), layout="constrained")
+    FigureCanvasAgg(figure)
+    first = figure.add_subplot(1, 2, 1)
+    second = figure.add_subplot(1, 2, 2, sharex=first)
+    shown = None
+    for axes, k, title in ((first, 1, "in its main plane"), (second, 2, "across that plane")):
+        axes.plot(way[:, 0], way[:, k], color=MUTED, linewidth=0.8)
+        shown = axes.scatter(way[:, 0], way[:, k], c=t, s=7, cmap="viridis", zorder=3)
+        axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
+        axes.set_aspect("equal", adjustable="datalim")
+        axes.set_title(title, fontsize=10, color=INK)
+        axes.set_xlabel("first principal axis / $R_0$")
+        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis / $R_0$")
+    if shown is not None:
+        figure.colorbar(shown, ax=[first, second], label="time t (dot: start)")
+    write_atomically(path, lambda p: figure.savefig(p, dpi=110, format="png"))
+    return True
+
+
+def along_principal_axes(x: Array) -> Array:
+    """Coordinates (T, 3) of positions x (T, 3) along the axes of their spread, from the first."""
+    _, _, axes = np.linalg.svd(x - x.mean(axis=0), full_matrices=False)
+    # signs that do not depend on the linear algebra library: the way ends on the positive side
+    along = (x - x[0]) @ axes.T
+    return np.asarray(along * np.where(along[-1] < 0, -1.0, 1.0))
