@@ -7,6 +7,10 @@ from pathlib import Path
 import pytest
 
 from amoeboid.cli.main import main
+from amoeboid.config import Config, Mesh
+from amoeboid.simulation import start
+from amoeboid.store import write_frame
+from surface.written import ellipsoid, write_surface
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
@@ -19,9 +23,19 @@ COMMANDS = [
 RUNS = [c for c in COMMANDS if c[0] == "run" and "--resume" not in c and "--help" not in c]
 
 
-@pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
-def test_runs_of_the_readme_finish(arguments, tmp_path, monkeypatch):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder with the files that the README's commands name."""
     monkeypatch.chdir(tmp_path)
+    write_surface(tmp_path / "cell.stl", *ellipsoid())
+    (tmp_path / "fine/frames").mkdir(parents=True)
+    write_frame(tmp_path / "fine/frames/frame_00010.vtp", start(Config(mesh=Mesh(subdivisions=2))))
+    return tmp_path
+
+
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
+def test_runs_of_the_readme_finish(arguments):
     assert main([*arguments, "--set", "mesh.subdivisions=2", "--json"]) == 0
 
 
