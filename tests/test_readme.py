@@ -28,8 +28,8 @@ def folder(tmp_path, monkeypatch):
     """A folder with the files that the README's commands name."""
     monkeypatch.chdir(tmp_path)
     write_surface(tmp_path / "cell.stl", *ellipsoid())
-    (tmp_path / "fine/frames").mkdir(parents=True)
-    write_frame(tmp_path / "fine/frames/frame_00010.vtp", start(Config(mesh=Mesh(subdivisions=2))))
+    (tmp_path / "amoeboid-run/frames").mkdir(parents=True)
+    write_frame(tmp_path / "amoeboid-run/frames/frame_00010.vtp", start(Config(mesh=Mesh(subdivisions=2))))
     return tmp_path
 
 
