@@ -29,7 +29,9 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     write_surface(tmp_path / "cell.stl", *ellipsoid())
     (tmp_path / "amoeboid-run/frames").mkdir(parents=True)
-    write_frame(tmp_path / "amoeboid-run/frames/frame_00010.vtp", start(Config(mesh=Mesh(subdivisions=2))))
+    write_frame(
+        tmp_path / "amoeboid-run/frames/frame_00010.vtp", start(Config(mesh=Mesh(subdivisions=2)))
+    )
     return tmp_path
 
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -103,6 +104,30 @@ def test_local_error_is_that_of_the_backward_difference(degree):
     history = [at(t, 0.0, 0, 0) for t in times]
     slid = replace(rest, t=new_t, r=rest.r + slide)
     assert simulation._error(model, history, slid, flow) < 1e-12
+
+
+def test_step_lengths_follow_from_the_error():
+    """(tolerance/error)^(1/3) with three past states, and never more than twice the last."""
+    config = replace(QUICK, time=Time(end=2.0, max_step=10.0, stop_when_steady=False))
+    _, steps = steps_of(config)
+    assert [len(s.history) for s in steps[:4]] == [2, 3, 3, 3]
+    compared = 0
+    for before, step in pairwise(steps[2:-1]):
+        assert step.next_dt <= 2.0 * step.dt * (1 + 1e-12)
+        if step.rejected == before.rejected:
+            error = simulation._error(step.model, before.history, step.state, step.flow)
+            wanted = simulation.SAFETY * (config.time.tolerance / error) ** (1 / 3) * step.dt
+            assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
+            compared += wanted < 2.0 * step.dt
+    assert compared > 3
+
+
+def test_a_last_step_cut_short_does_not_shorten_the_next():
+    _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
+    reached = steps[-3].state.t + 1e-3 * steps[-2].dt
+    _, cut = steps_of(replace(QUICK, time=Time(end=reached)))
+    assert cut[-1].dt < 0.01 * steps[-2].dt
+    assert cut[-1].next_dt >= 0.99 * cut[-2].next_dt
 
 
 def test_outcome_of_a_run_does_not_depend_on_the_tolerance():

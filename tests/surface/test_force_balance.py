@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from amoeboid.parameters import Parameters
-from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
 from amoeboid.surface.force_balance import (
     NORMAL_VISCOSITY,
     cortex,
@@ -13,7 +13,14 @@ from amoeboid.surface.force_balance import (
 from amoeboid.surface.geometry import area_gradient, geometry, volume_centroid, volume_gradient
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import block_matrix, normal_blocks, scalar_matrix, stiffness
+from amoeboid.surface.operators import (
+    block_matrix,
+    normal_blocks,
+    normal_projection,
+    scalar_matrix,
+    stiffness,
+    tensile_stiffness,
+)
 from amoeboid.surface.stepping import flow_of
 from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
@@ -111,6 +118,16 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     h = 1e-6
     moved = volume_centroid(r + h * v, mesh.faces) - volume_centroid(r - h * v, mesh.faces)
     assert np.abs(moved).max() / (2 * h) < 1e-3 * np.abs(v).max()
+
+
+def test_implicit_tension_is_tension_and_what_pulls_of_the_viscous_stress():
+    r, mesh = lumpy(subdivisions=1)
+    model, g = Model(Parameters(), mesh), geometry(r, mesh.faces)
+    v_c = np.random.default_rng(8).normal(size=r.shape)
+    near = cortex(model, r, g, 0.1, 5.0, v_c)
+    stress = 5.0 * np.eye(3) + viscous_stress(g, mesh, v_c, 1.0, 1.0)
+    expected = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
+    np.testing.assert_allclose(near.tension, expected, rtol=1e-12, atol=1e-12)
 
 
 def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():

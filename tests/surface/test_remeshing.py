@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
+from amoeboid.surface import remeshing
 from amoeboid.surface.geometry import (
     area,
     geometry,
@@ -146,6 +147,8 @@ def test_a_run_goes_on_through_changes_of_its_mesh():
     number, models = filaments(first.model, first.state), {id(first.model): first.model}
     for step in evolve(first, config.time):
         models[id(step.model)] = step.model
+        # a change of the mesh is no new start
+        assert len(step.history) == min(step.number + 1, 3)
         assert area(step.state.r, step.model.mesh.faces) == pytest.approx(step.model.A0, rel=1e-12)
         assert filaments(step.model, step.state) == pytest.approx(number, rel=1e-12)
         assert step.state.c.min() >= 0
@@ -157,3 +160,48 @@ def test_states_of_the_past_may_be_missing():
     for count in (1, 2, 3):
         history = tuple(State(-k, state.r, state.c, 1.0, state.position) for k in range(count))
         assert len(remeshed(model, history)[1]) == count
+
+
+def test_the_past_is_carried_along_exactly():
+    """All changes turn and scale with what they act on: a shifted past stays shifted as far."""
+    model, state = stretched(2.0)
+    shift = np.array([0.3, -0.2, 0.1])
+    before = replace(state, t=-0.1, r=state.r - shift, c=2.0 * state.c)
+    new, (now, past) = remeshed(model, (state, before))
+    assert new is not model
+    np.testing.assert_allclose(now.r - past.r, np.broadcast_to(shift, now.r.shape), atol=1e-12)
+    np.testing.assert_allclose(past.c, 2.0 * now.c, rtol=1e-12)
+
+
+def test_a_neck_of_three_nodes_is_not_pinched_off():
+    """Short edges around a three-sided tube: a collapse would glue its sides together."""
+    rings = 6
+    angle = 2 * np.pi * np.arange(3) / 3
+    ring = 0.1 * np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
+    r = np.concatenate([ring + np.array([0, 0, 0.3 * k]) for k in range(rings)])
+    r = np.vstack([r, [0, 0, -0.3], [0, 0, 0.3 * rings]])
+    faces = []
+    for k in range(rings - 1):
+        for i in range(3):
+            a, b = 3 * k + i, 3 * k + (i + 1) % 3
+            faces += [(a, b, b + 3), (a, b + 3, a + 3)]
+    for i in range(3):
+        faces += [(len(r) - 2, (i + 1) % 3, i)]
+        top = 3 * (rings - 1)
+        faces += [(len(r) - 1, top + i, top + (i + 1) % 3)]
+    mesh = connectivity(np.array(faces))
+    assert volume(r, mesh.faces) > 0
+    assert edges(r, mesh.faces).length.min() < SHORTEST * 0.3
+    assert collapses(r, mesh, 0.3) is None
+
+
+def test_no_flip_cuts_off_a_sharp_ridge(monkeypatch):
+    """A roof of two thin triangles: flipped they would be better, and no longer a roof."""
+    monkeypatch.setattr(remeshing, "LEAST_VALENCE", 3)
+    for height, flipped in ((1.0, False), (0.05, True)):
+        r = np.array([(-2, 0, 0), (2, 0, 0), (0, 1, -height), (0, -1, -height), (0, 0, -9.0)])
+        faces = [(0, 1, 2), (1, 0, 3), (0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4)]
+        mesh = connectivity(np.array(faces)[:, ::-1] if volume(r, np.array(faces)) < 0 else faces)
+        change = flips(r, mesh, 1.0)
+        ridge = any({0, 1} <= set(f) for f in (mesh if change is None else change).faces.tolist())
+        assert ridge != flipped

@@ -6,16 +6,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.numerics.multistep import extrapolated
 from amoeboid.observables import filament_number, observed
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.geometry import area, geometry, volume_centroid
+from amoeboid.surface.geometry import area, geometry, mesh_quality, volume_centroid
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
-from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
@@ -243,8 +244,8 @@ def measured_orders(ends, counts):
         "zeta0": lambda s, f: s.zeta0 - last.zeta0,
     }
     orders = {}
-    for name, difference in quantities.items():
-        errors = [np.abs(difference(s, f)).max() for s, f in ends]
+    for name, error in quantities.items():
+        errors = [np.abs(error(s, f)).max() for s, f in ends]
         orders[name] = -np.polyfit(np.log(counts[:-1]), np.log(errors), 1)[0]
         print(name, errors, orders[name])
     return orders
@@ -265,6 +266,56 @@ def test_everything_is_second_order_in_time(delta_P):
     orders = measured_orders(ends_of_a_transient(delta_P, counts), counts)
     for name, order in orders.items():
         assert abs(order - 2) < 0.2, name
+
+
+def test_the_passes_solve_the_implicit_equations(monkeypatch):
+    """What further passes would change is a small part of what the first ones did."""
+    model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
+    begin = perturbed(model, rest, Initial(perturbation=2.0))
+    first, _ = semi_implicit_step(model, (begin,), 0.05)
+    history = (first, begin)
+    found, flow = semi_implicit_step(model, history, 0.1)
+    monkeypatch.setattr(stepping, "CONVERGED", 1e-7)
+    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    solved, _ = semi_implicit_step(model, history, 0.1)
+    times = [s.t for s in history]
+    ahead = [extrapolated(times, [getattr(s, x) for s in history], found.t) for x in ("r", "c")]
+    distance = difference(model, (solved.r, solved.c), ahead, flow.normals)
+    left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
+    assert 0 < left < 0.06 * distance
+
+
+def test_passes_that_do_not_settle_are_no_step():
+    assert not stepping._converged([1.0])
+    assert stepping._converged([1.0, 0.1])
+    assert not stepping._converged([1.0, 0.5])
+    with pytest.raises(StepFailed, match="do not converge"):
+        stepping._converged([1.0] * stepping.MOST_PASSES)
+
+
+def test_folded_and_degenerate_meshes_are_no_step():
+    model, rest = sphere(POLARIZED, 1)
+    stepping.check_step(model, rest, rest)
+    a, b, _ = model.mesh.faces[0]
+    mirrored = rest.r.copy()
+    mirrored[[a, b]] = mirrored[[b, a]]
+    with pytest.raises(StepFailed, match="turned over"):
+        stepping.check_step(model, rest, replace(rest, r=mirrored))
+    flat = rest.r.copy()
+    flat[a] = flat[b] + 1e-3 * (flat[a] - flat[b])
+    with pytest.raises(StepFailed, match="degenerated"):
+        stepping.check_step(model, replace(rest, r=flat), replace(rest, r=flat))
+
+
+def test_a_disturbed_mesh_evens_out():
+    model, rest = sphere(POLARIZED, 1)
+    x, y, z = rest.r.T
+    r = rest.r + 0.15 * np.column_stack([y * z, np.sin(2 * x), x * y])
+    r *= np.linalg.norm(rest.r, axis=1)[:, None] / np.linalg.norm(r, axis=1)[:, None]
+    r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
+    state, _ = short_run(model, replace(rest, r=r), steps=60, dt=0.1)
+    before, after = (mesh_quality(s, model.mesh.faces) for s in (r, state.r))
+    assert 1 - after < 0.5 * (1 - before)
 
 
 def test_noise_is_reproducible_and_seeded():
