@@ -291,6 +291,9 @@ def test_passes_that_do_not_settle_are_no_step():
     assert not stepping._converged([1.0, 0.5])
     with pytest.raises(StepFailed, match="do not converge"):
         stepping._converged([1.0] * stepping.MOST_PASSES)
+    for broken in (np.nan, np.inf):
+        with pytest.raises(StepFailed, match="not finite"):
+            stepping._converged([1.0, broken])
 
 
 def test_folded_and_degenerate_meshes_are_no_step():

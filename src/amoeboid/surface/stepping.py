@@ -107,6 +107,8 @@ def _converged(changes: Sequence[float]) -> bool:
 
     What is left to come is estimated from the last two changes, as a geometric series.
     """
+    if not np.isfinite(changes[-1]):
+        raise StepFailed("a node position or concentration is not finite")
     if len(changes) < 2:
         return False
     before, last = changes[-2:]
@@ -152,7 +154,7 @@ def _concentration(
             c = transported(model, stock, g, v - mesh_velocity, backward.dt, c_ahead)
             if c.min() >= -ROUNDING * c.max():
                 return np.maximum(c, 0.0)
-    raise StepFailed(f"the concentration has become negative: {c.min():.3g}")
+    raise StepFailed("the concentration would become negative, or is not finite")
 
 
 def _position(model: Model, past: Sequence[State], t: float, r: Array, flow: Flow) -> Array:
