@@ -9,6 +9,7 @@ from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.numerics.multistep import backward_difference
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
+from amoeboid.surface.stepping import difference, local_error, semi_implicit_step
 from amoeboid.validation import InvalidInput
 
 QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
@@ -97,13 +98,34 @@ def test_local_error_is_that_of_the_backward_difference(degree):
         history = [at(t, t**degree, *push) for t in times]
         new = at(new_t, found, *push)
         scale = 1.0 if push == (1, 0) else model.parameters.c0 + new.c[5]
-        estimate = simulation._error(model, history, new, flow)
+        estimate = local_error(model, history, new.t, (new.r, new.c), flow.normals)
         assert estimate == pytest.approx(1e-2 * error / scale, rel=1e-6)
     # nodes that slide within the surface make no error
     slide = np.cross(flow.normals, [0.3, -0.5, 0.8])
     history = [at(t, 0.0, 0, 0) for t in times]
     slid = replace(rest, t=new_t, r=rest.r + slide)
-    assert simulation._error(model, history, slid, flow) < 1e-12
+    assert local_error(model, history, new_t, (slid.r, slid.c), flow.normals) < 1e-12
+
+
+@pytest.mark.parametrize("delta_P", [11.0, 300.0])
+def test_the_first_step_follows_the_tolerance(delta_P):
+    """Its error, measured against many short steps, is no larger than the tolerance allows."""
+    config = Config(
+        parameters=Parameters(D=0.4, v_p0=6.0, delta_P=delta_P), mesh=Mesh(subdivisions=1)
+    )
+    first, lengths = start(config), []
+    for tolerance in (1e-4, 1e-6):
+        step = next(evolve(first, Time(end=1.0, tolerance=tolerance)))
+        history, dt = (first.state,), step.dt / 400
+        for _ in range(400):
+            state, flow = semi_implicit_step(first.model, history, dt, tolerance=1e-9)
+            history = (state, *history[:2])
+        a, b = ((s.r, s.c) for s in (step.state, state))
+        error = difference(first.model, a, b, flow.normals)
+        print(tolerance, step.dt, error)
+        assert error < 1.5 * tolerance
+        lengths.append(step.dt)
+    assert lengths[1] < 0.3 * lengths[0]
 
 
 def test_step_lengths_follow_from_the_error():
@@ -115,7 +137,10 @@ def test_step_lengths_follow_from_the_error():
     for before, step in pairwise(steps[2:-1]):
         assert step.next_dt <= 2.0 * step.dt * (1 + 1e-12)
         if step.rejected == before.rejected:
-            error = simulation._error(step.model, before.history, step.state, step.flow)
+            new = step.state
+            error = local_error(
+                step.model, before.history, new.t, (new.r, new.c), step.flow.normals
+            )
             wanted = simulation.SAFETY * (config.time.tolerance / error) ** (1 / 3) * step.dt
             assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
             compared += wanted < 2.0 * step.dt

@@ -13,13 +13,18 @@ from numpy.typing import NDArray
 
 from amoeboid.config import Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.numerics.multistep import error_share, extrapolated
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import Geometry, geometry, scatter, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
-from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
+from amoeboid.surface.stepping import (
+    StepFailed,
+    flow_of,
+    local_error,
+    semi_implicit_step,
+    starting_step,
+)
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.validation import InvalidInput
 
@@ -143,8 +148,9 @@ def _explicit(step: Step, time: Time) -> Step:
 
 def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
-    model, past = remeshed(step.model, step.history)
-    flow_before = step.flow if model is step.model else None
+    model, present = remeshed(step.model, step.state)
+    kept = model is step.model
+    past, flow_before = (step.history, step.flow) if kept else ((present,), None)
     dt, rejected = min(step.next_dt, time.max_step), step.rejected
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
@@ -152,20 +158,19 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         # do not leave a sliver for the last step
         length = remaining if dt > 0.999 * remaining else dt
         try:
-            state, flow = semi_implicit_step(model, past, length, flow_before)
-        except (StepFailed, SingularMatrix, InvalidInput) as error:
+            state, flow, error = _tried(model, past, length, flow_before, time.tolerance)
+        except (StepFailed, SingularMatrix, InvalidInput) as failure:
             # InvalidInput: the law is not defined at a concentration that this step would need
-            why = str(error)
+            why = str(failure)
             dt, rejected = 0.3 * length, rejected + 1
             continue
-        error_estimate = _error(model, past, state, flow)
         order = 2 if len(past) > 2 else 1
         factor = np.clip(
-            SAFETY * (time.tolerance / max(error_estimate, 1e-300)) ** (1 / (order + 1)),
+            SAFETY * (time.tolerance / max(error, 1e-300)) ** (1 / (order + 1)),
             MOST_SHRINKING,
             MOST_GROWTH,
         )
-        if error_estimate > time.tolerance:
+        if error > time.tolerance:
             why = f"the error of one step stays above time.tolerance = {time.tolerance:g}"
             dt, rejected = float(factor) * length, rejected + 1
             continue
@@ -179,18 +184,14 @@ def _semi_implicit(step: Step, time: Time) -> Step:
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
 
 
-def _error(model: Model, history: Sequence[State], new: State, flow: Flow) -> float:
-    """Local error of c and of the shape, relative to c0 + |c| and R0.
-
-    From the distance to the extrapolated past; nodes that move within the surface make no error.
-    """
-    if len(history) == 1:
-        return 0.0
-    times = [state.t for state in history]
-    c_ahead = extrapolated(times, [state.c for state in history], new.t)
-    r_ahead = extrapolated(times, [state.r for state in history], new.t)
-    distance = difference(model, (new.r, new.c), (r_ahead, c_ahead), flow.normals)
-    return error_share(times, new.t) * distance
+def _tried(
+    model: Model, past: Sequence[State], dt: float, before: Flow | None, tolerance: float
+) -> tuple[State, Flow, float]:
+    """The state after dt, the flow there, and the error of the step."""
+    if len(past) == 1:
+        return starting_step(model, past[0], dt, before, tolerance)
+    state, flow = semi_implicit_step(model, past, dt, before, tolerance)
+    return state, flow, local_error(model, past, state.t, (state.r, state.c), flow.normals)
 
 
 def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:

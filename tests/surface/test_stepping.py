@@ -20,6 +20,7 @@ from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_impl
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
+from surface.orders import measured_orders
 
 POLARIZED = Parameters(D=0.4, v_p0=6.0)
 
@@ -233,24 +234,6 @@ def ends_of_a_transient(delta_P, counts):
         yield state, flow
 
 
-def measured_orders(ends, counts):
-    """Order in dt of everything a step finds, against the last end."""
-    *ends, (last, last_flow) = ends
-    quantities = {
-        "c": lambda s, f: s.c - last.c,
-        "shape": lambda s, f: np.einsum("vi,vi->v", s.r - last.r, last_flow.normals),
-        "v": lambda s, f: f.v - last_flow.v,
-        "position": lambda s, f: s.position - last.position,
-        "zeta0": lambda s, f: s.zeta0 - last.zeta0,
-    }
-    orders = {}
-    for name, error in quantities.items():
-        errors = [np.abs(error(s, f)).max() for s, f in ends]
-        orders[name] = -np.polyfit(np.log(counts[:-1]), np.log(errors), 1)[0]
-        print(name, errors, orders[name])
-    return orders
-
-
 def test_the_step_is_second_order_in_time():
     counts = (40, 80, 160, 1280)
     orders = measured_orders(ends_of_a_transient(300.0, counts), counts)
@@ -286,14 +269,15 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
 
 
 def test_passes_that_do_not_settle_are_no_step():
-    assert not stepping._converged([1.0])
-    assert stepping._converged([1.0, 0.1])
-    assert not stepping._converged([1.0, 0.5])
+    assert not stepping._converged([1.0], 1.0)
+    assert stepping._converged([1.0, 0.1], 1.0)
+    assert not stepping._converged([1.0, 0.5], 1.0)
+    assert not stepping._converged([1.0, 0.1], 1e-3)
     with pytest.raises(StepFailed, match="do not converge"):
-        stepping._converged([1.0] * stepping.MOST_PASSES)
+        stepping._converged([1.0] * stepping.MOST_PASSES, 1.0)
     for broken in (np.nan, np.inf):
         with pytest.raises(StepFailed, match="not finite"):
-            stepping._converged([1.0, broken])
+            stepping._converged([1.0, broken], 1.0)
 
 
 def test_folded_and_degenerate_meshes_are_no_step():

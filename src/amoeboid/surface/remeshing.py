@@ -9,7 +9,7 @@ changed keeps its filaments: the nodes around each change hold as many after it 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,7 +31,10 @@ Array = NDArray[np.float64]
 
 # Edges are split and collapsed beyond these multiples of the length that they were made with.
 LONGEST, SHORTEST = 1.5, 0.6
-# Flips are looked for where a triangle is worse than this (1 is equilateral), ...
+# A mesh is left alone until an edge or a triangle (quality 1 is equilateral) is beyond these: every
+# change takes the run its past, so that many are made at once.
+OVERLONG, OVERSHORT, POOR_QUALITY = 1.8, 0.45, 0.5
+# Flips are looked for where a triangle is worse than this, ...
 GOOD_QUALITY = 0.7
 # ... and done where the worse triangle becomes this much better.
 GAIN = 1.1
@@ -69,33 +72,30 @@ class Change:
     patch: Index
 
 
-def remeshed(model: Model, history: Sequence[State]) -> tuple[Model, tuple[State, ...]]:
-    """`model` and `history` on a better mesh; the same objects if nothing is to be done.
+def remeshed(model: Model, state: State) -> tuple[Model, State]:
+    """`model` and `state` on a better mesh; the same objects if nothing is to be done.
 
-    `history`: the present state, which decides, and earlier ones on the same mesh. Each keeps its
-    time, its filaments and, up to the change of the polyhedron, its shape; the present one keeps
-    the area A0 exactly.
+    The state keeps its filaments, the area A0 exactly and, up to the change of the polyhedron, its
+    shape. What came before it has no place on the new mesh: a discrete surface changes its speed
+    with its mesh.
     """
-    states, mesh = tuple(history), model.mesh
-    if in_order(states[0].r, mesh.faces, model.edge_length):
-        return model, states
-    for find in (splits, collapses, flips):
+    if in_order(state.r, model.mesh.faces, model.edge_length):
+        return model, state
+    new, mesh = state, model.mesh
+    # flips make room for more collapses
+    for find in (splits, collapses, flips, collapses, flips):
         for _ in range(MOST_ROUNDS):
-            change = find(states[0].r, mesh, model.edge_length)
+            change = find(new.r, mesh, model.edge_length)
             if change is None:
                 break
-            states = tuple(carried(state, mesh, change) for state in states)
-            mesh = connectivity(change.faces)
+            new, mesh = carried(new, mesh, change), connectivity(change.faces)
     if mesh is model.mesh:
-        return model, tuple(history)
+        return model, state
     order, faces = narrow_numbering(mesh.faces)
-    states = tuple(replace(s, r=s.r[order], c=s.c[order]) for s in states)
-    swelling = _swelling(states[0].r, faces, model.A0)
-    states = tuple(
-        _refilled(replace(new, r=new.r + swelling), faces, old, model.mesh.faces)
-        for new, old in zip(states, history, strict=True)
-    )
-    return Model(model.parameters, connectivity(faces), model.edge_length), states
+    new = replace(new, r=new.r[order], c=new.c[order])
+    new = replace(new, r=new.r + _swelling(new.r, faces, model.A0))
+    new = _refilled(new, faces, state, model.mesh.faces)
+    return Model(model.parameters, connectivity(faces), model.edge_length), new
 
 
 def _swelling(r: Array, faces: Index, wanted: float) -> Array:
@@ -118,9 +118,9 @@ def in_order(r: Array, faces: Index, edge_length: float) -> bool:
     """Whether all edges have a length, and all triangles a quality, to be left alone."""
     shortest, longest = extreme_edges(r, faces)
     return (
-        shortest >= SHORTEST * edge_length
-        and longest <= LONGEST * edge_length
-        and mesh_quality(r, faces) > GOOD_QUALITY
+        shortest >= OVERSHORT * edge_length
+        and longest <= OVERLONG * edge_length
+        and mesh_quality(r, faces) > POOR_QUALITY
     )
 
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.multistep import backward_difference, extrapolated
+from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
 from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
@@ -41,9 +41,11 @@ LEAST_QUALITY = 0.02
 # Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
 # it in one step.
 MESH_RELAXATION = 1.0
-# The implicit equations count as solved when no more than this share of the largest change by a
-# pass is still to come: a third of the error of a step.
+# The implicit equations count as solved when what is still to come is no more than this share of the
+# largest change by a pass, ...
 CONVERGED = 0.05
+# ... and no more than this share of the error of the step, or of the tolerance for it.
+SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
 MOST_PASSES = 15
 # So many passes are made with one factorization before a new one is made, where the shape is now.
@@ -59,14 +61,18 @@ class StepFailed(ArithmeticError):
 
 
 def semi_implicit_step(
-    model: Model, history: Sequence[State], dt: float, before: Flow | None = None
+    model: Model,
+    history: Sequence[State],
+    dt: float,
+    before: Flow | None = None,
+    tolerance: float = np.inf,
 ) -> tuple[State, Flow]:
     """The state after dt, and the flow that led there.
 
-    `history`: the present state and, if there is one, that of the step before (of more, the rest
-    is not used); from the present state alone the step is of first order. `before`: the flow of
-    the last step, on the same mesh, which makes the passes converge faster. Raises StepFailed,
-    SingularMatrix.
+    `history`: the present state and, if there are, those of the steps before. Two make the step;
+    from the present state alone it is of first order. `before`: the flow of the last step, on the
+    same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step, of
+    which the passes may take a small share, as of its error. Raises StepFailed, SingularMatrix.
     """
     past = history[:2]
     times, now = [state.t for state in past], past[0]
@@ -95,17 +101,49 @@ def semi_implicit_step(
         c_new = _concentration(model, past, numbers, t, r_new, g_new, v, c)
         changes.append(difference(model, (r_new, c_new), (r, c), g.normals))
         r, c, g, v_c = r_new, c_new, g_new, flow.v_c
-        if _converged(changes):
+        error = local_error(model, history, t, (r, c), flow.normals)
+        if _converged(changes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
     new = State(t, r, c, zeta0, _position(model, past, t, r, flow))
     check_step(model, now, new)
     return new, flow
 
 
-def _converged(changes: Sequence[float]) -> bool:
+def starting_step(
+    model: Model, now: State, dt: float, before: Flow | None, tolerance: float
+) -> tuple[State, Flow, float]:
+    """The state after dt from one without a past, the flow there, and the error of the step.
+
+    Two implicit Euler steps of half the length; how far one of the whole length ends from there is
+    their error. Damps what a new mesh has put out of balance, which no past could foresee.
+    """
+    whole, _ = semi_implicit_step(model, (now,), dt, before, tolerance)
+    half, flow = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance)
+    new, flow = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance)
+    return new, flow, difference(model, (new.r, new.c), (whole.r, whole.c), flow.normals)
+
+
+def local_error(
+    model: Model, history: Sequence[State], t: float, new: tuple[Array, Array], normals: Array
+) -> float:
+    """Local error of a step from `history` to `new` (r, c) at time t, relative to R0 and c0 + |c|.
+
+    From the distance to the extrapolated past; nodes that move within the surface make no error.
+    A single state knows of none: 0.
+    """
+    if len(history) == 1:
+        return 0.0
+    times = [state.t for state in history]
+    r_ahead = extrapolated(times, [state.r for state in history], t)
+    c_ahead = extrapolated(times, [state.c for state in history], t)
+    return error_share(times, t) * difference(model, new, (r_ahead, c_ahead), normals)
+
+
+def _converged(changes: Sequence[float], allowed: float) -> bool:
     """Whether passes that changed so much have solved the equations. Raises StepFailed.
 
-    What is left to come is estimated from the last two changes, as a geometric series.
+    What is left to come is estimated from the last two changes, as a geometric series; `allowed`
+    of it is.
     """
     if not np.isfinite(changes[-1]):
         raise StepFailed("a node position or concentration is not finite")
@@ -115,9 +153,10 @@ def _converged(changes: Sequence[float]) -> bool:
     if last <= NO_CHANGE:
         return True
     left = last * last / (before - last) if last < before else np.inf
-    if left > CONVERGED * max(changes) and len(changes) >= MOST_PASSES:
+    solved = left <= min(CONVERGED * max(changes), allowed)
+    if not solved and len(changes) >= MOST_PASSES:
         raise StepFailed("the implicit equations of the step do not converge")
-    return bool(left <= CONVERGED * max(changes))
+    return bool(solved)
 
 
 def difference(
