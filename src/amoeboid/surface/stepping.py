@@ -41,8 +41,8 @@ LEAST_QUALITY = 0.02
 # Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
 # it in one step.
 MESH_RELAXATION = 1.0
-# The implicit equations count as solved when what is still to come is no more than this share of the
-# largest change by a pass, ...
+# The implicit equations count as solved when what is still to come is no more than this share of
+# the largest change by a pass, ...
 CONVERGED = 0.05
 # ... and no more than this share of the error of the step, or of the tolerance for it.
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
@@ -71,8 +71,8 @@ def semi_implicit_step(
 
     `history`: the present state and, if there are, those of the steps before. Two make the step;
     from the present state alone it is of first order. `before`: the flow of the last step, on the
-    same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step, of
-    which the passes may take a small share, as of its error. Raises StepFailed, SingularMatrix.
+    same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step;
+    the passes may take a small share of it. Raises StepFailed, SingularMatrix.
     """
     past = history[:2]
     times, now = [state.t for state in past], past[0]
