@@ -1,3 +1,4 @@
+import errno
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import time
 
 import pytest
 
+from amoeboid import store
 from amoeboid.cli.main import COMMANDS, main
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
@@ -88,6 +90,72 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("schemes", "end", "longest"),
+    [
+        (["semi-implicit", "explicit"], ["0.1", "0.101"], 1e-5),
+        (["explicit", "semi-implicit"], ["0.001", "2"], 0.5),
+    ],
+)
+def test_the_automatic_step_follows_the_scheme_that_a_run_goes_on_with(
+    schemes, end, longest, tmp_path, capsys
+):
+    folder = tmp_path / "run"
+    how = [
+        ["--set", f"time.scheme={s}", "--set", f"time.end={t}", "--json"]
+        for s, t in zip(schemes, end, strict=True)
+    ]
+    assert main(["run", *QUICK, *how[0], "-o", str(folder)]) == 0
+    before = json.loads(capsys.readouterr().out)["steps"]
+    assert main(["run", "--resume", str(folder), *how[1]]) == 0
+    steps = json.loads(capsys.readouterr().out)["steps"] - before
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["time"]["max_step"] == longest
+    assert steps == 100 if schemes[1] == "explicit" else steps < 60
+    # the stored configuration used again, with another scheme
+    assert main(["run", str(folder / "config.toml"), *how[0], "-o", str(tmp_path / "new")]) == 0
+
+
+def test_a_run_cannot_go_on_for_less_than_the_shortest_step(tmp_path, capsys):
+    folder = str(tmp_path / "run")
+    assert main(["run", *QUICK, "-o", folder]) == 0
+    capsys.readouterr()
+    for end in ("1", "1.00000000001"):
+        assert main(["run", "--resume", folder, "--set", f"time.end={end}"]) == 2
+        assert "time.end must be > 1.0000001, got 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("frame", [0, 1, 2])
+def test_a_full_disk_is_a_failed_run(frame, tmp_path, monkeypatch, capsys):
+    """The first frame, one on the way, and the last."""
+    written = []
+
+    def write(path, step):
+        written.append(path)
+        if len(written) > frame:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write_frame(path, step)
+
+    write_frame = store.write_frame
+    monkeypatch.setattr(store, "write_frame", write)
+    folder = tmp_path / "run"
+    assert main(["run", *QUICK, "--set", "output.interval=0.6", "--json", "-o", str(folder)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "No space left" in err
+    assert len(written) == frame + 1
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "failed"
+    assert "No space left" in manifest["ended"]
+    assert len(manifest["frames"]) == frame
+    if frame == 0:
+        return
+    # it goes on from its last frame once there is room
+    monkeypatch.setattr(store, "write_frame", write_frame)
+    assert main(["run", "--resume", str(folder), "--json"]) == 0
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "finished"
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["--set", "beta=-1"], "beta must be a finite number >= 0, got -1"),
@@ -109,6 +177,8 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
         (["--set", f"D={'[' * 3000}"], "D must be"),
         (["--set", f"initial.seed=1{'0' * 400}"], "initial.seed"),
         (["--set", ".x=3"], "name=value"),
+        (["--set", "time.max_step=1e-8"], "time.max_step must be > 1e-07"),
+        (["--set", "time.end=1e-300"], "time.end must be > 1e-07"),
         (["missing.toml"], "missing.toml"),
         (["--resume", "missing"], "config.toml"),
         (["--resume", "missing", "-o", "x"], "--resume goes on in its own folder"),
