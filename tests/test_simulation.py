@@ -135,8 +135,8 @@ def test_steps_after_one_cut_short_grow_no_faster_than_is_stable(sliver):
     """BDF2 with variable steps: 1 + sqrt(2); below the shortest step there is nothing to grow."""
     _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
     reached = steps[-3].state.t + sliver * steps[-2].dt
-    _, cut = steps_of(replace(QUICK, time=Time(end=reached)))
-    resumed = [cut[-1], *evolve(cut[-1], Time(end=1.0))]
+    (cut,) = evolve(steps[-3], Time(end=reached))
+    resumed = [cut, *evolve(cut, Time(end=1.0))]
     for before, step in pairwise(resumed):
         shortest = 2.0 * simulation.SHORTEST_STEP / step.model.rate
         assert step.dt < max((1 + np.sqrt(2)) * before.dt, 1.01 * shortest)
