@@ -134,6 +134,9 @@ def test_times_below_the_shortest_step_are_refused(times, least):
 def test_parameters_under_which_nothing_happens_have_no_rate():
     with pytest.raises(InvalidInput, match="nothing would ever change"):
         resolved(Config(parameters=Parameters(beta=0, D=0, v_p0=0)))
+    for beta in (1e-61, 1e61):
+        with pytest.raises(InvalidInput, match=r"must be 1e-60 to 1e.60, got 1e.61; choose"):
+            resolved(Config(parameters=Parameters(beta=beta, D=0, v_p0=0)))
 
 
 def test_an_empty_file_is_the_default_run():

@@ -254,6 +254,9 @@ def config_to_toml(config: Config) -> str:
     return tomli_w.dumps(document)
 
 
-def config_from_toml(text: str) -> Config:
-    """A configuration from TOML text; what it leaves out keeps the default run's value."""
-    return configured(Config(), toml_document(text, "the configuration"))
+def config_from_toml(text: str, name: str = "the configuration") -> Config:
+    """A configuration from TOML text; what it leaves out keeps the default run's value.
+
+    Raises InvalidInput; if the text is not TOML at all, under `name`.
+    """
+    return configured(Config(), toml_document(text, name))

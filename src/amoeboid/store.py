@@ -22,7 +22,7 @@ import os
 import platform
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
@@ -212,7 +212,7 @@ def stored_config(folder: Path) -> Config:
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    return config_from_toml(text_of(path))
+    return config_from_toml(text_of(path), repr(str(path)))
 
 
 def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
@@ -231,17 +231,23 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
             f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "
             "frames with --set initial.from_frame=PATH"
         ) from None
-    made_with, wanted = resolved(saved.config), resolved(config)
-    for section in ("parameters", "mesh", "initial"):
-        if getattr(wanted, section) != getattr(made_with, section):
-            raise InvalidInput(
-                f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
-                "start a new run for the rest"
-            )
+    _refuse_changes(resolved(saved.config), resolved(config))
     run = Run(folder, config)
     run.rows = rows
     run.frame_times = [(t, _frame_name(count)) for count, t in enumerate(saved.frame_times)]
     return run, saved.step
+
+
+def _refuse_changes(made_with: Config, wanted: Config) -> None:
+    for section in ("parameters", "mesh", "initial"):
+        before, now = getattr(made_with, section), getattr(wanted, section)
+        for f in fields(before):
+            was, is_ = getattr(before, f.name), getattr(now, f.name)
+            if was != is_:
+                raise InvalidInput(
+                    f"--resume keeps [{section}] as it was, {f.name} = {was}, got {is_}; only "
+                    "time.* and output.* may change, start a new run for the rest"
+                )
 
 
 def write_frame(path: Path, step: Step) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.settings import add_settings, field_table, print_json
 from amoeboid.config import Config, anchored, config_from_toml, shortest_step, with_settings
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
     from amoeboid.simulation import Step
@@ -57,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _path(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("a path must not be empty")
+    if not is_text(text):
+        raise argparse.ArgumentTypeError(f"a path must be text in UTF-8, got {text!r}; rename it")
     return Path(text)
 
 
@@ -106,7 +108,9 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
 
     config = Config()
     if args.config is not None:
-        config = anchored(config_from_toml(text_of(args.config)), args.config.parent)
+        config = anchored(
+            config_from_toml(text_of(args.config), repr(str(args.config))), args.config.parent
+        )
     config = with_settings(config, args.settings)
     first = start(config)
     return new_run(new_folder(args.output), config), first
