@@ -208,6 +208,24 @@ def test_wrong_options_exit_with_2(arguments, says, capsys):
     assert says in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("initial.from_frame=cell.vtp", "initial.from_frame must be left out, got 'cell.vtp'"),
+        ("initial.surface=cell.stl", "initial.surface must be left out, got 'cell.stl'"),
+        ("time.scheme=explicit", "time.scheme must be semi-implicit, got 'explicit'"),
+        ("time.max_step=1e-9", "time.max_step must be > 1e-07"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused_at_once(setting, says, capsys):
+    assert main(["bench", "--set", setting]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("amoeboid bench: ")
+    assert says in err
+    assert err.count("\n") == 1
+
+
 def test_wrong_settings_exit_with_2(capsys):
     assert main(["bench", "--set", "beta=-1"]) == 2
     out, err = capsys.readouterr()

@@ -1,3 +1,4 @@
+import errno
 import json
 import os
 import signal
@@ -7,6 +8,7 @@ import time
 
 import pytest
 
+from amoeboid import store
 from amoeboid.cli.main import COMMANDS, main
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
@@ -88,6 +90,101 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
+    ("schemes", "end", "longest"),
+    [
+        (["semi-implicit", "explicit"], ["0.1", "0.101"], 1e-5),
+        (["explicit", "semi-implicit"], ["0.001", "2"], 0.5),
+    ],
+)
+def test_the_automatic_step_follows_the_scheme_that_a_run_goes_on_with(
+    schemes, end, longest, tmp_path, capsys
+):
+    folder = tmp_path / "run"
+    how = [
+        ["--set", f"time.scheme={s}", "--set", f"time.end={t}", "--json"]
+        for s, t in zip(schemes, end, strict=True)
+    ]
+    assert main(["run", *QUICK, *how[0], "-o", str(folder)]) == 0
+    before = json.loads(capsys.readouterr().out)["steps"]
+    assert main(["run", "--resume", str(folder), *how[1]]) == 0
+    steps = json.loads(capsys.readouterr().out)["steps"] - before
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["time"]["max_step"] == longest
+    assert steps == 100 if schemes[1] == "explicit" else steps < 60
+    # the stored configuration used again, with another scheme
+    assert main(["run", str(folder / "config.toml"), *how[0], "-o", str(tmp_path / "new")]) == 0
+
+
+@pytest.mark.parametrize(
+    ("setting", "says"),
+    [
+        ("D=1", "[parameters] as it was, D = 0.4, got 1.0"),
+        ("law=inverse", "[parameters] as it was, law = exponential, got inverse"),
+        ("mesh.subdivisions=2", "[mesh] as it was, subdivisions = 1, got 2"),
+        ("initial.seed=4", "[initial] as it was, seed = 0, got 4"),
+    ],
+)
+def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
+    folder = str(tmp_path / "run")
+    assert main(["run", *QUICK, "--set", "time.end=0.01", "-o", folder]) == 0
+    capsys.readouterr()
+    # a value that was automatic and is now given is the same
+    same = ["--set", "initial.perturbation=1", "--set", "mesh.subdivisions=1"]
+    assert main(["run", "--resume", folder, *same, "--set", setting]) == 2
+    err = capsys.readouterr().err
+    assert f"--resume keeps {says}; only time.* and output.* may change" in err
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+def test_a_terminal_may_lack_letters_of_the_folder(encoding, tmp_path):
+    run = [*COMMAND, "run", *QUICK, "--set", "time.end=0.01", "-o", "Zellkörper"]
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    done = subprocess.run(run, capture_output=True, cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "Zellkörper".encode(encoding, "backslashreplace") in done.stdout
+
+
+def test_a_run_cannot_go_on_for_less_than_the_shortest_step(tmp_path, capsys):
+    folder = str(tmp_path / "run")
+    assert main(["run", *QUICK, "-o", folder]) == 0
+    capsys.readouterr()
+    for end in ("1", "1.00000000001"):
+        assert main(["run", "--resume", folder, "--set", f"time.end={end}"]) == 2
+        assert "time.end must be > 1.0000001, got 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("frame", [0, 1, 2])
+def test_a_full_disk_is_a_failed_run(frame, tmp_path, monkeypatch, capsys):
+    """The first frame, one on the way, and the last."""
+    written = []
+
+    def write(path, step):
+        written.append(path)
+        if len(written) > frame:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write_frame(path, step)
+
+    write_frame = store.write_frame
+    monkeypatch.setattr(store, "write_frame", write)
+    folder = tmp_path / "run"
+    assert main(["run", *QUICK, "--set", "output.interval=0.6", "--json", "-o", str(folder)]) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert "No space left" in err
+    assert len(written) == frame + 1
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "failed"
+    assert "No space left" in manifest["ended"]
+    assert len(manifest["frames"]) == frame
+    if frame == 0:
+        return
+    # it goes on from its last frame once there is room
+    monkeypatch.setattr(store, "write_frame", write_frame)
+    assert main(["run", "--resume", str(folder), "--json"]) == 0
+    assert json.loads((folder / "manifest.json").read_text())["status"] == "finished"
+
+
+@pytest.mark.parametrize(
     ("arguments", "says"),
     [
         (["--set", "beta=-1"], "beta must be a finite number >= 0, got -1"),
@@ -109,7 +206,15 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
         (["--set", f"D={'[' * 3000}"], "D must be"),
         (["--set", f"initial.seed=1{'0' * 400}"], "initial.seed"),
         (["--set", ".x=3"], "name=value"),
+        (["--set", "time.max_step=1e-8"], "time.max_step must be > 1e-07"),
+        (["--set", "time.end=1e-300"], "time.end must be > 1e-07"),
+        (["--set", "beta=1e300"], "must be 1e-60 to 1e+60, got 1e+300; choose other units"),
+        (["--set", "initial.surface=\udcff.stl"], "initial.surface must be the path of a file"),
         (["missing.toml"], "missing.toml"),
+        (["missing.toml/c.toml"], "missing.toml"),
+        (["long" * 100], "File name too long"),
+        (["-o", "long" * 100], "File name too long"),
+        (["--resume", "long" * 100], "File name too long"),
         (["--resume", "missing"], "config.toml"),
         (["--resume", "missing", "-o", "x"], "--resume goes on in its own folder"),
     ],
@@ -130,6 +235,11 @@ def test_user_mistakes_get_one_message_and_exit_code_2(
 
 def test_wrong_files_are_named(tmp_path, capsys):
     path = tmp_path / "c.toml"
+    path.write_text("[mesh\n")
+    assert main(["run", str(path)]) == 2
+    assert f"{str(path)!r} must be valid TOML" in capsys.readouterr().err
+    assert main(["run", str(path / "c.toml")]) == 2
+    assert "Not a directory" in capsys.readouterr().err
     path.write_text("[parameters]\nD = 'many'\n")
     assert main(["run", str(path)]) == 2
     assert "D must be" in capsys.readouterr().err
@@ -148,7 +258,15 @@ def test_wrong_files_are_named(tmp_path, capsys):
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["walk"], ["run", "--speed"], ["run", "a", "b"], ["run", "-o", ""]]
+    "arguments",
+    [
+        [],
+        ["walk"],
+        ["run", "--speed"],
+        ["run", "a", "b"],
+        ["run", "-o", ""],
+        ["run", "-o", "\udcff"],
+    ],
 )
 def test_unknown_commands_and_options_exit_with_2(arguments, capsys):
     with pytest.raises(SystemExit) as leaving:

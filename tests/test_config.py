@@ -109,9 +109,34 @@ def test_automatic_times_follow_the_rates_of_the_parameters():
     assert config_from_toml(config_to_toml(Config())) == Config()
 
 
+@pytest.mark.parametrize(
+    ("times", "least"),
+    [
+        (Time(end=1e-8), r"time\.end must be > 1e-06, the shortest semi-implicit step, got 1e-08"),
+        (
+            Time(max_step=1e-300),
+            r"time\.max_step must be > 1e-06, .* got 1e-300; raise it or leave",
+        ),
+        (
+            Time(scheme="explicit", max_step=9e-10),
+            r"max_step must be > 1e-09, the shortest explicit",
+        ),
+    ],
+)
+def test_times_below_the_shortest_step_are_refused(times, least):
+    slow = Parameters(beta=0.1, D=0.0, v_p0=0.0)  # rate 0.1
+    with pytest.raises(InvalidInput, match=least):
+        resolved(Config(parameters=slow, time=times))
+    resolved(Config(parameters=slow, time=Time(end=1.1e-6, max_step=1.1e-6)))
+    resolved(Config(parameters=slow, time=Time(scheme="explicit", max_step=1.1e-9)))
+
+
 def test_parameters_under_which_nothing_happens_have_no_rate():
     with pytest.raises(InvalidInput, match="nothing would ever change"):
         resolved(Config(parameters=Parameters(beta=0, D=0, v_p0=0)))
+    for beta in (1e-61, 1e61):
+        with pytest.raises(InvalidInput, match=r"must be 1e-60 to 1e.60, got 1e.61; choose"):
+            resolved(Config(parameters=Parameters(beta=beta, D=0, v_p0=0)))
 
 
 def test_an_empty_file_is_the_default_run():

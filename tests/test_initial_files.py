@@ -61,7 +61,9 @@ def test_a_run_goes_on_from_a_frame(project, tmp_path, capsys):
     assert (tmp_path / "b/initial_frame.vtp").read_bytes() == frames[-1].read_bytes()
     text = (tmp_path / "b/config.toml").read_text()
     assert 'from_frame = "initial_frame.vtp"' in text
-    assert "perturbation = 0.0" in text
+    # left open: it follows from the frame
+    assert "perturbation" not in text
+    assert json.loads((tmp_path / "b/manifest.json").read_text())["initial"]["perturbation"] == 0
     again = told(capsys, tmp_path / "b/config.toml", "-o", tmp_path / "c")
     assert {k: again[k] for k in SAME} == {k: b[k] for k in SAME}
 

@@ -155,6 +155,28 @@ def test_a_last_step_cut_short_does_not_shorten_the_next():
     assert cut[-1].next_dt >= 0.99 * cut[-2].next_dt
 
 
+@pytest.mark.parametrize("sliver", [1e-1, 1e-3, 1e-6, 1e-9])
+def test_steps_after_one_cut_short_grow_no_faster_than_is_stable(sliver):
+    """BDF2 with variable steps: 1 + sqrt(2); below the shortest step there is nothing to grow."""
+    _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
+    reached = steps[-3].state.t + sliver * steps[-2].dt
+    (cut,) = evolve(steps[-3], Time(end=reached))
+    resumed = [cut, *evolve(cut, Time(end=1.0))]
+    for before, step in pairwise(resumed):
+        shortest = 2.0 * simulation.SHORTEST_STEP / step.model.rate
+        assert step.dt < max((1 + np.sqrt(2)) * before.dt, 1.01 * shortest)
+    np.testing.assert_allclose(resumed[-1].state.c, steps[-1].state.c, rtol=2e-3)
+
+
+def test_steps_after_explicit_ones_grow_from_their_length():
+    explicit = Time(end=1.001e-3, max_step=1e-4, scheme="explicit")
+    _, steps = steps_of(replace(QUICK, time=explicit))
+    assert steps[-1].dt == pytest.approx(1e-6)
+    resumed = [steps[-1], *evolve(steps[-1], Time(end=0.5))]
+    assert all(b.dt < (1 + np.sqrt(2)) * a.dt for a, b in pairwise(resumed))
+    assert max(step.dt for step in resumed) > 0.05
+
+
 def test_outcome_of_a_run_does_not_depend_on_the_tolerance():
     for v_p0, polarized in ((5.9, True), (5.0, False)):
         for tolerance in (1e-3, 1e-4):

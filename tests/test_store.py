@@ -1,12 +1,13 @@
 import json
 import xml.etree.ElementTree as ElementTree
-from dataclasses import replace
+from dataclasses import asdict, replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 import pyvista as pv
 
+from amoeboid import versions
 from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
 from amoeboid.observables import observed, retrograde_flow
 from amoeboid.parameters import Parameters
@@ -87,7 +88,8 @@ def test_manifest_says_how_to_repeat_the_run(tmp_path):
     assert manifest["seed"] == 0
     assert {"amoeboid", "numpy", "scipy", "numba"} <= manifest["versions"].keys()
     assert [f["file"] for f in manifest["frames"]] == [f"frames/{n}" for _, n in run.frame_times]
-    assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == resolved(CONFIG)
+    assert manifest["time"] == asdict(resolved(CONFIG).time)
+    assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == CONFIG
 
 
 def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
@@ -96,7 +98,7 @@ def test_a_resumed_run_ends_with_the_same_bits(tmp_path):
     # resume where the error estimate, not the limit on growth, decides on the next step
     run_into(tmp_path / "halves", config, stop_after=12)
     config = stored_config(tmp_path / "halves")
-    assert config == resolved(replace(CONFIG, time=Time(end=2.0, tolerance=1e-4)))
+    assert config == replace(CONFIG, time=Time(end=2.0, tolerance=1e-4))
     run, step = resumed_run(tmp_path / "halves", config)
     assert step.number == 12
     assert [row["step"] for row in run.rows] == list(range(13))
@@ -127,43 +129,6 @@ def test_a_changed_configuration_cannot_be_resumed(tmp_path):
     other = replace(run.config, parameters=run.config.parameters.replace(D=0.7))
     with pytest.raises(InvalidInput, match=r"keeps \[parameters\]"):
         resumed_run(run.folder, other)
-
-
-def test_a_checkpoint_with_nan_is_refused(tmp_path):
-    _, run, _ = run_into(tmp_path / "run", stop_after=1)
-    path = run.folder / "checkpoint.npz"
-    with np.load(path, allow_pickle=False) as data:
-        arrays = dict(data)
-    arrays["history_c"][0, 3] = np.nan
-    np.savez(path, **arrays)
-    with pytest.raises(InvalidInput, match="not finite"):
-        resumed_run(run.folder, run.config)
-
-
-@pytest.mark.parametrize(
-    ("name", "change"),
-    [
-        ("faces", lambda a: a[:-1]),
-        ("faces", lambda a: a - 1),
-        ("history_r", lambda a: a[:, :-1]),
-        ("history_c", lambda a: a[:, :-1]),
-        ("history_c", lambda a: -a),
-        ("history_position", lambda a: a[:, :2]),
-        ("history_scalars", lambda a: a[:0]),
-        ("flow_vectors", lambda a: a[:, :-1]),
-        ("flow_areas", lambda a: a[:-1]),
-        ("edge_length", lambda a: -a),
-    ],
-)
-def test_a_checkpoint_whose_parts_do_not_fit_is_refused(tmp_path, name, change):
-    _, run, _ = run_into(tmp_path / "run", stop_after=2)
-    path = run.folder / "checkpoint.npz"
-    with np.load(path, allow_pickle=False) as data:
-        arrays = dict(data)
-    arrays[name] = change(arrays[name])
-    np.savez(path, **arrays)
-    with pytest.raises(InvalidInput):
-        resumed_run(run.folder, run.config)
 
 
 def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):
@@ -214,26 +179,82 @@ def test_what_cannot_be_resumed_is_refused(tmp_path):
         resumed_run(run.folder, CONFIG)
 
 
-def test_no_pickle_is_ever_loaded(tmp_path):
-    _, run, _ = run_into(tmp_path / "run", stop_after=1)
-    path = run.folder / "checkpoint.npz"
-    with np.load(path, allow_pickle=False) as data:
-        arrays = dict(data)
-    arrays["frame_names"] = np.array([object()], dtype=object)
-    np.savez(path, **arrays)
-    with pytest.raises(InvalidInput, match="cannot be read"):
-        resumed_run(run.folder, CONFIG)
+def test_frames_that_have_been_deleted_are_no_longer_listed(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=4)
+    names = [name for _, name in run.frame_times]
+    (run.folder / "frames" / names[1]).unlink()
+    resumed, step = resumed_run(run.folder, run.given)
+    for step in evolve(step, run.given.time):
+        resumed.append(step)
+    resumed.save(step)
+    resumed.write_manifest("finished")
+    listed = [names[0], *names[2:], f"frame_{len(names):05d}.vtp"]
+    manifest = json.loads((run.folder / "manifest.json").read_text())
+    assert [f["file"] for f in manifest["frames"]] == [f"frames/{name}" for name in listed]
+    assert [line.split('file="frames/')[1][:15] for line in _sets(run)] == listed
 
 
-def test_frame_names_from_a_file_never_leave_the_folder(tmp_path):
-    _, run, _ = run_into(tmp_path / "run", stop_after=1)
-    path = run.folder / "checkpoint.npz"
-    with np.load(path, allow_pickle=False) as data:
-        arrays = dict(data)
-    arrays["frame_names"] = np.array(["../../outside.vtp"] * len(arrays["frame_names"]))
-    np.savez(path, **arrays)
-    with pytest.raises(InvalidInput, match="frame name"):
-        resumed_run(run.folder, CONFIG)
+def _sets(run):
+    lines = (run.folder / "frames.pvd").read_text().splitlines()
+    return [line for line in lines if "DataSet" in line]
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda rows: rows[:-1], "lacks step 2"),
+        (lambda rows: [], "as a run writes it"),
+        (lambda rows: rows[1:], "its columns are not step, t"),
+        (lambda rows: [rows[0] + ",more", *rows[1:]], "its columns are not"),
+        (lambda rows: [*rows[:-1], rows[-1] + ",1"], "its columns are not"),
+        (lambda rows: [*rows[:-1], rows[-1].rsplit(",", 1)[0]], "its columns are not"),
+        (lambda rows: [*rows[:-1], rows[-1].rsplit(",", 1)[0] + ",nan"], "finite"),
+        (lambda rows: [*rows[:-1], rows[-1].rsplit(",", 1)[0] + ",much"], "'much'"),
+        (lambda rows: [rows[0], rows[2], rows[1], rows[3]], "in the order of time"),
+        (lambda rows: [*rows[:-1], "2,7.5," + rows[-1].split(",", 2)[2]], "lacks step 2"),
+        (lambda rows: [*rows[:-1], "\0" + rows[-1]], "as a run writes it"),
+        (lambda rows: [*rows[:-1], '"' + rows[-1]], "as a run writes it"),
+        (lambda rows: [*rows[:-1], "2.5," + rows[-1].split(",", 1)[1]], "'2.5'"),
+    ],
+)
+def test_a_damaged_time_series_is_refused(tmp_path, change, says):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    table = run.folder / "timeseries.csv"
+    table.write_text("".join(f"{row}\n" for row in change(table.read_text().splitlines())))
+    with pytest.raises(InvalidInput, match=says) as refusal:
+        resumed_run(run.folder, run.given)
+    assert "cannot be read" in str(refusal.value)
+
+
+def test_a_time_series_that_is_no_text_or_not_there_is_refused(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    table = run.folder / "timeseries.csv"
+    table.write_bytes(b"\xff\xfe")
+    with pytest.raises(InvalidInput, match="as a run writes it"):
+        resumed_run(run.folder, run.given)
+    table.unlink()
+    with pytest.raises(InvalidInput, match="No such file"):
+        resumed_run(run.folder, run.given)
+
+
+def test_automatic_fields_stay_open_in_the_stored_configuration(tmp_path):
+    """So that they follow the scheme, and the parameters, where the configuration is used again."""
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    stored = stored_config(run.folder)
+    assert stored == CONFIG
+    explicit = replace(stored, time=replace(stored.time, scheme="explicit"))
+    resumed, step = resumed_run(run.folder, explicit)
+    assert resumed.config.time.max_step == 1e-5
+    assert next(evolve(step, resumed.config.time)).dt == pytest.approx(1e-5)
+    # what was given is kept
+    given = replace(CONFIG, time=Time(end=1.5, max_step=0.25))
+    _, run, _ = run_into(tmp_path / "given", given, stop_after=2)
+    assert stored_config(run.folder).time.max_step == 0.25
+
+
+def test_packages_that_are_not_installed_are_not_recorded(monkeypatch):
+    monkeypatch.setattr(versions, "PACKAGES", ("numpy", "no-such-package"))
+    assert versions.installed_versions() == {"numpy": np.__version__}
 
 
 def test_collection_is_well_formed(tmp_path):

@@ -29,6 +29,10 @@ from amoeboid.validation import (
 SCHEMES = ("semi-implicit", "explicit")
 # The step of the explicit scheme in the paper, in units of 1/rate.
 EXPLICIT_STEP = 1e-5
+# Shortest steps that are made, in units of 1/rate. In explicit ones what they put right of the
+# rounding of the area is divided by the step and drives a flow.
+SHORTEST_STEP = 1e-7
+SHORTEST_EXPLICIT_STEP = 1e-10
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper.
 POLARIZATION = 3.0
 # Fields of [initial] that name a file.
@@ -129,24 +133,42 @@ SECTIONS: dict[str, tuple[str, ...]] = {
 
 
 def resolved(config: Config) -> Config:
-    """`config` with every automatic value in its place; rate is that of the parameters."""
+    """`config` with every automatic value in its place; rate is that of the parameters.
+
+    Raises InvalidInput for times that are shorter than the shortest step.
+    """
     initial, time, output = config.initial, config.time, config.output
     if initial.perturbation is None:
         amplitude = POLARIZATION if initial.from_frame is None else 0.0
-        config = replace(config, initial=replace(initial, perturbation=amplitude))
-    if None not in (time.end, time.max_step, output.interval):
-        return config
+        initial = replace(initial, perturbation=amplitude)
     unit = 1.0 / config.parameters.rate
     longest = EXPLICIT_STEP if time.scheme == "explicit" else 0.5
-    return replace(
-        config,
-        time=replace(
-            time,
-            end=200 * unit if time.end is None else time.end,
-            max_step=longest * unit if time.max_step is None else time.max_step,
-        ),
-        output=Output(interval=0.5 * unit if output.interval is None else output.interval),
+    time = replace(
+        time,
+        end=200 * unit if time.end is None else time.end,
+        max_step=longest * unit if time.max_step is None else time.max_step,
     )
+    interval = 0.5 * unit if output.interval is None else output.interval
+    config = replace(config, initial=initial, time=time, output=Output(interval=interval))
+    _check_times(config)
+    return config
+
+
+def shortest_step(config: Config) -> float:
+    """The shortest step that the scheme of `config` makes [T]."""
+    explicit = config.time.scheme == "explicit"
+    return (SHORTEST_EXPLICIT_STEP if explicit else SHORTEST_STEP) / config.parameters.rate
+
+
+def _check_times(config: Config) -> None:
+    shortest = shortest_step(config)
+    for name in ("end", "max_step"):
+        value = getattr(config.time, name)
+        if not value > shortest:
+            raise InvalidInput(
+                f"time.{name} must be > {shortest:g}, the shortest {config.time.scheme} step, got "
+                f"{value:g}; raise it or leave it out"
+            )
 
 
 def anchored(config: Config, folder: Path) -> Config:
@@ -232,6 +254,9 @@ def config_to_toml(config: Config) -> str:
     return tomli_w.dumps(document)
 
 
-def config_from_toml(text: str) -> Config:
-    """A configuration from TOML text; what it leaves out keeps the default run's value."""
-    return configured(Config(), toml_document(text, "the configuration"))
+def config_from_toml(text: str, name: str = "the configuration") -> Config:
+    """A configuration from TOML text; what it leaves out keeps the default run's value.
+
+    Raises InvalidInput; if the text is not TOML at all, under `name`.
+    """
+    return configured(Config(), toml_document(text, name))

@@ -14,6 +14,9 @@ from amoeboid.polymerization import Array, Exponential, Law
 from amoeboid.polymerization import law as law_from
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
+# Range of `Parameters.rate`: fourth powers of time steps must be numbers.
+SLOWEST, FASTEST = 1e-60, 1e60
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
@@ -52,7 +55,7 @@ class Parameters:
         """The fastest of turnover, diffusion over R0 and treadmilling over R0 [1/T].
 
         The unit in which fast, slow and steady are measured. Raises InvalidInput if nothing
-        ever happens.
+        ever happens, or if it is so fast or slow that powers of a time step are no numbers.
         """
         rates = (self.beta, self.D / self.R0 / self.R0, abs(float(self.v_p(self.c0))) / self.R0)
         if not math.isfinite(max(rates)):
@@ -62,6 +65,11 @@ class Parameters:
         if max(rates) == 0.0:
             raise InvalidInput(
                 "nothing would ever change: one of beta, D and v_p(c0) must be > 0, all are 0"
+            )
+        if not SLOWEST <= max(rates) <= FASTEST:
+            raise InvalidInput(
+                f"the fastest of beta, D/R0^2 and v_p(c0)/R0 must be {SLOWEST:g} to {FASTEST:g}, "
+                f"got {max(rates):g}; choose other units"
             )
         return max(rates)
 

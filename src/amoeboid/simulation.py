@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Config, Time, resolved
+from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import Geometry, geometry, scatter, volume_centroid
@@ -31,11 +31,12 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[np.float64]
 
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
-SHORTEST_STEP = 1e-7
 # Relative change within 1 / model.rate that counts as none, slow turning left out.
 STEADY = 1e-5
 KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
+# BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
+STABLE_GROWTH = 2.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +152,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
     model, present = remeshed(step.model, step.state)
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
-    dt, rejected = min(step.next_dt, time.max_step), step.rejected
+    dt, rejected = min(_next_length(step), time.max_step), step.rejected
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
         remaining = time.end - step.state.t
@@ -192,6 +193,17 @@ def _tried(
         return starting_step(model, past[0], dt, before, tolerance)
     state, flow = semi_implicit_step(model, past, dt, before, tolerance)
     return state, flow, local_error(model, past, state.t, (state.r, state.c), flow.normals)
+
+
+def _next_length(step: Step) -> float:
+    """The length that the step after `step` aims at [T].
+
+    After a step cut short by time.end, or an explicit one, it grows from that step's length.
+    """
+    if step.dt == 0.0:
+        return step.next_dt
+    shortest = 2.0 * SHORTEST_STEP / step.model.rate
+    return min(step.next_dt, max(STABLE_GROWTH * step.dt, shortest))
 
 
 def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:

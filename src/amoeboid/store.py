@@ -1,9 +1,9 @@
 """A run's folder: manifest, configuration, time series, frames, checkpoint.
 
     manifest.json        status, parameters, versions, platform, seed, summary
-    config.toml          the configuration; `amoeboid run config.toml` repeats the run
+    config.toml          the configuration as given; `amoeboid run config.toml` repeats the run
     initial_*            copy of the surface or frame the run started from, if it did from a file
-    timeseries.csv       one row an accepted step
+    timeseries.csv       one row an accepted step, of the explicit scheme one a frame
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
     checkpoint.npz       what `--resume` goes on from
@@ -17,37 +17,30 @@ import csv
 import io
 import itertools
 import json
+import math
 import os
 import platform
-import re
 import shutil
 from collections.abc import Callable
-from dataclasses import asdict, replace
-from importlib.metadata import version
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
-from zipfile import BadZipFile
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.observables import COLUMNS as OBSERVED_COLUMNS
 from amoeboid.observables import components, observed, retrograde_flow
 from amoeboid.simulation import Step
-from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.model import Flow, Model, State
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
+from amoeboid.versions import installed_versions
 
 STEP_COLUMNS = ("step", "t", "dt", "rejected", "rate", "x", "y", "z")
 COLUMNS = (*STEP_COLUMNS, *OBSERVED_COLUMNS)
-PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista")
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
-_FRAME_NAME = re.compile(r"frame_\d{5,}\.vtp")
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
@@ -78,17 +71,21 @@ def text_of(path: Path) -> str:
 
 
 class Run:
-    """A run's folder, open for appending. Made by `new_run` or `resumed_run`."""
+    """A run's folder, open for appending. Made by `new_run` or `resumed_run`.
 
-    def __init__(self, folder: Path, config: Config) -> None:
+    `given` is the configuration with automatic fields left open, so that they follow the scheme
+    and the parameters where it is used again; `config` has every value that the run is made with.
+    """
+
+    def __init__(self, folder: Path, given: Config) -> None:
         self.folder = folder
-        self.config = resolved(config)
+        self.given, self.config = given, resolved(given)
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
 
     def begin(self) -> None:
         """Write the configuration and a manifest that says the run is under way."""
-        write_text(self.folder / "config.toml", config_to_toml(self.config))
+        write_text(self.folder / "config.toml", config_to_toml(self.given))
         self.write_manifest("running")
 
     def append(self, step: Step) -> dict[str, float]:
@@ -119,26 +116,34 @@ class Run:
 
     def save(self, step: Step) -> None:
         """Write frame, time series and checkpoint of the latest step."""
-        name = f"frame_{len(self.frame_times):05d}.vtp"
+        name = _frame_name(len(self.frame_times))
         (self.folder / "frames").mkdir(exist_ok=True)
         write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, step))
         self.frame_times.append((step.state.t, name))
-        write_text(self.folder / "frames.pvd", _collection(self.frame_times))
+        write_text(self.folder / "frames.pvd", _collection(self.frames()))
         write_text(self.folder / "timeseries.csv", _table(self.rows))
-        write_atomically(self.folder / "checkpoint.npz", lambda p: _write_checkpoint(p, self, step))
+        checkpoint = Checkpoint(self.given, step, tuple(t for t, _ in self.frame_times))
+        path = self.folder / "checkpoint.npz"
+        write_atomically(path, lambda p: write_checkpoint(p, checkpoint))
+
+    def frames(self) -> list[tuple[float, str]]:
+        """Times and names of the frames that are still there; the user may delete some."""
+        return [
+            (t, name) for t, name in self.frame_times if (self.folder / "frames" / name).is_file()
+        ]
 
     def write_manifest(self, status: str, **more: Any) -> None:
-        """Write manifest.json; `status` is running, finished, interrupted or diverged."""
+        """Write manifest.json; `status` is running, finished, interrupted, diverged or failed."""
         manifest = {
             "status": status,
             **more,
             "parameters": self.config.parameters.as_dict(),
             **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
             "seed": self.config.initial.seed,
-            "versions": {name: version(name) for name in PACKAGES},
+            "versions": installed_versions(),
             "python": platform.python_version(),
             "platform": platform.platform(),
-            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in self.frame_times],
+            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in self.frames()],
         }
         write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
 
@@ -207,7 +212,7 @@ def stored_config(folder: Path) -> Config:
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    return config_from_toml(text_of(path))
+    return config_from_toml(text_of(path), repr(str(path)))
 
 
 def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
@@ -219,19 +224,30 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     if not path.is_file():
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
     try:
-        made_with, step, frame_times = _read_checkpoint(path)
-        rows = _read_table(folder / "timeseries.csv", step.number)
-    except (OSError, ValueError, KeyError, BadZipFile) as error:
-        raise InvalidInput(f"the run in {str(folder)!r} cannot be read: {error}") from None
-    for section in ("parameters", "mesh", "initial"):
-        if getattr(config, section) != getattr(made_with, section):
-            raise InvalidInput(
-                f"--resume keeps [{section}] as it was; only time.* and output.* may change, "
-                "start a new run for the rest"
-            )
+        saved = read_checkpoint(path)
+        rows = _read_table(folder / "timeseries.csv", saved.step)
+    except (OSError, InvalidInput) as error:
+        raise InvalidInput(
+            f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "
+            "frames with --set initial.from_frame=PATH"
+        ) from None
+    _refuse_changes(resolved(saved.config), resolved(config))
     run = Run(folder, config)
-    run.rows, run.frame_times = rows, frame_times
-    return run, step
+    run.rows = rows
+    run.frame_times = [(t, _frame_name(count)) for count, t in enumerate(saved.frame_times)]
+    return run, saved.step
+
+
+def _refuse_changes(made_with: Config, wanted: Config) -> None:
+    for section in ("parameters", "mesh", "initial"):
+        before, now = getattr(made_with, section), getattr(wanted, section)
+        for f in fields(before):
+            was, is_ = getattr(before, f.name), getattr(now, f.name)
+            if was != is_:
+                raise InvalidInput(
+                    f"--resume keeps [{section}] as it was, {f.name} = {was}, got {is_}; only "
+                    "time.* and output.* may change, start a new run for the rest"
+                )
 
 
 def write_frame(path: Path, step: Step) -> None:
@@ -277,6 +293,10 @@ def write_frame(path: Path, step: Step) -> None:
         raise OSError(f"the frame {str(path)!r} could not be written")
 
 
+def _frame_name(count: int) -> str:
+    return f"frame_{count:05d}.vtp"
+
+
 def _collection(frame_times: list[tuple[float, str]]) -> str:
     """ParaView's list of frames and their times (.pvd)."""
     rows = [
@@ -304,87 +324,25 @@ def _table(rows: list[dict[str, float]]) -> str:
     return text.getvalue()
 
 
-def _read_table(path: Path, last_step: int) -> list[dict[str, float]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        table = list(csv.DictReader(file))
+def _read_table(path: Path, last: Step) -> list[dict[str, float]]:
+    """The rows up to a step. Raises InvalidInput unless they are those of its run, OSError."""
     whole = {"step", "rejected"}
-    rows = [{k: int(v) if k in whole else float(v) for k, v in row.items()} for row in table]
-    rows = [row for row in rows if row["step"] <= last_step]
-    if not rows or rows[-1]["step"] != last_step:
-        raise ValueError(f"timeseries.csv lacks step {last_step} of the checkpoint")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            names, *table = csv.reader(file, strict=True)
+        if tuple(names) != COLUMNS or any(len(line) != len(COLUMNS) for line in table):
+            raise ValueError(f"its columns are not {', '.join(COLUMNS)}")
+        rows: list[dict[str, float]] = [
+            {k: int(x) if k in whole else float(x) for k, x in zip(COLUMNS, line, strict=True)}
+            for line in table
+        ]
+    except (ValueError, csv.Error) as error:
+        raise InvalidInput(f"timeseries.csv must be a table as a run writes it: {error}") from None
+    rows = [row for row in rows if row["step"] <= last.number]
+    if not all(math.isfinite(x) for row in rows for x in row.values()):
+        raise InvalidInput("timeseries.csv must hold finite numbers")
+    if any(a["step"] >= b["step"] or a["t"] >= b["t"] for a, b in itertools.pairwise(rows)):
+        raise InvalidInput("the rows of timeseries.csv must be in the order of time")
+    if not rows or (rows[-1]["step"], rows[-1]["t"]) != (last.number, last.state.t):
+        raise InvalidInput(f"timeseries.csv lacks step {last.number} of the checkpoint")
     return rows
-
-
-def _write_checkpoint(path: Path, run: Run, step: Step) -> None:
-    arrays = {
-        "config": np.array(config_to_toml(run.config)),
-        "step": np.array([step.number, step.rejected]),
-        "numbers": np.array([step.next_dt, step.rate]),
-        "steady": np.array(step.steady),
-        "frame_times": np.array([t for t, _ in run.frame_times]),
-        "frame_names": np.array([name for _, name in run.frame_times]),
-        "faces": step.model.mesh.faces,
-        "edge_length": np.array(step.model.edge_length),
-        **_packed(step.history),
-        "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
-        "flow_areas": step.flow.node_areas,
-        "flow_zeta0": np.array(step.flow.zeta0),
-    }
-    with path.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
-
-
-def _packed(history: tuple[State, ...]) -> dict[str, Array]:
-    return {
-        "history_r": np.stack([s.r for s in history]),
-        "history_c": np.stack([s.c for s in history]),
-        "history_scalars": np.array([(s.t, s.zeta0) for s in history]),
-        "history_position": np.stack([s.position for s in history]),
-    }
-
-
-def _unpacked(data: Any, n_nodes: int) -> tuple[tuple[State, ...], Flow]:
-    """States and flow of a checkpoint. Raises ValueError unless all its parts fit together."""
-    r, c, position = (data[f"history_{name}"] for name in ("r", "c", "position"))
-    scalars, vectors, areas = data["history_scalars"], data["flow_vectors"], data["flow_areas"]
-    n = len(r)
-    shapes = {
-        "history_r": (r, (n, n_nodes, 3)),
-        "history_c": (c, (n, n_nodes)),
-        "history_position": (position, (n, 3)),
-        "history_scalars": (scalars, (n, 2)),
-        "flow_vectors": (vectors, (3, n_nodes, 3)),
-        "flow_areas": (areas, (n_nodes,)),
-    }
-    for name, (array, shape) in shapes.items():
-        if n == 0 or array.shape != shape:
-            raise ValueError(f"{name} of the checkpoint has shape {array.shape}, not {shape}")
-        if not np.isfinite(array).all():
-            raise ValueError(f"{name} of the checkpoint holds values that are not finite")
-    if c.min() < 0:
-        raise ValueError("the checkpoint holds a negative concentration")
-    history = tuple(
-        State(float(t), r[k], c[k], float(zeta0), position[k])
-        for k, (t, zeta0) in enumerate(scalars)
-    )
-    v_c, v_p, normals = vectors
-    return history, Flow(v_c, v_p, float(data["flow_zeta0"]), normals, areas)
-
-
-def _read_checkpoint(path: Path) -> tuple[Config, Step, list[tuple[float, str]]]:
-    with path.open("rb") as file, np.load(file, allow_pickle=False) as data:
-        made_with = config_from_toml(str(data["config"]))
-        mesh, edge_length = connectivity(data["faces"]), float(data["edge_length"])
-        if not edge_length > 0:
-            raise ValueError(f"edge_length of the checkpoint is {edge_length}")
-        history, flow = _unpacked(data, mesh.n_nodes)
-        number, rejected = (int(x) for x in data["step"])
-        next_dt, rate = (float(x) for x in data["numbers"])
-        names = [str(x) for x in data["frame_names"]]
-        times = [float(x) for x in data["frame_times"]]
-        steady = bool(data["steady"])
-    if not all(_FRAME_NAME.fullmatch(name) for name in names):
-        raise ValueError("a frame name in the checkpoint is not one of this program's")
-    model = Model(made_with.parameters, mesh, edge_length)
-    step = Step(number, model, history, flow, next_dt, rejected, rate, steady)
-    return made_with, step, list(zip(times, names, strict=True))

@@ -100,6 +100,15 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> Non
             raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
 
 
+def is_text(value: str) -> bool:
+    """Whether a string can be written to a file and name one: UTF-8, without the character 0."""
+    try:
+        value.encode()
+    except UnicodeEncodeError:
+        return False
+    return "\0" not in value
+
+
 def toml_document(text: str, what: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises InvalidInput, naming `what`, if it is not valid TOML."""
     try:
@@ -149,7 +158,7 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     if kind is list:
         return _checked_harmonics(value, problem)
     if "file" in f.metadata:
-        if not isinstance(value, str) or not value.strip() or "\0" in value:
+        if not isinstance(value, str) or not value.strip() or not is_text(value):
             raise problem
         return value
     if isinstance(value, bool) or not isinstance(value, Real):

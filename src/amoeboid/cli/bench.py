@@ -7,7 +7,8 @@ import sys
 from typing import Any
 
 from amoeboid.cli.settings import add_settings, print_json
-from amoeboid.config import Config, with_settings
+from amoeboid.config import FILES, Config, resolved, with_settings
+from amoeboid.validation import InvalidInput
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -78,6 +79,7 @@ def _integer(text: str, least: int, most: int) -> int:
 def execute(args: argparse.Namespace) -> int:
     """Measure and print."""
     config = with_settings(Config(), args.settings)
+    _check(resolved(config))
     from amoeboid.benchmarks.machine import machine
     from amoeboid.benchmarks.peers import Disagreement, compared_with_ngsolve
     from amoeboid.benchmarks.sizes import growth_exponents, step_times
@@ -111,6 +113,22 @@ def execute(args: argparse.Namespace) -> int:
     else:
         _print(result)
     return 0
+
+
+def _check(config: Config) -> None:
+    """Raise InvalidInput for what cannot be compared."""
+    for name in FILES:
+        path = getattr(config.initial, name)
+        if path is not None:
+            raise InvalidInput(
+                f"bench times spheres of several mesh sizes, initial.{name} must be left out, got "
+                f"{path!r}; to time that start, use amoeboid run"
+            )
+    if config.time.scheme == "explicit":
+        raise InvalidInput(
+            "bench times the explicit scheme beside the other one, time.scheme must be "
+            "semi-implicit, got 'explicit'; leave it out"
+        )
 
 
 def _say(what: str) -> None:

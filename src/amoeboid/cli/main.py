@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import errno
+import io
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -20,20 +22,35 @@ COMMANDS = {
     "bench": "timings of the 3D solver: by size, against the explicit scheme, against a peer",
 }
 
+# What the system says of a path that leads nowhere; a full disk, for one, is nobody's mistake.
+MISTAKEN_PATH = {
+    errno.ENOENT,
+    errno.EACCES,
+    errno.EPERM,
+    errno.EISDIR,
+    errno.ENOTDIR,
+    errno.ENAMETOOLONG,
+    errno.ELOOP,
+    errno.EROFS,
+}
+
 FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     args = _parser().parse_args(argv)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # a terminal that lacks a letter of a folder's name gets its number
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         return int(args.execute(args))
-    except (InvalidInput, FileNotFoundError, PermissionError, IsADirectoryError) as error:
+    except InvalidInput as error:
         print(f"amoeboid {args.command}: {error}", file=sys.stderr)
         return USER_MISTAKE
     except OSError as error:
         print(f"amoeboid {args.command}: {error}", file=sys.stderr)
-        return FAILURE
+        return USER_MISTAKE if error.errno in MISTAKEN_PATH else FAILURE
     except KeyboardInterrupt:
         print(f"amoeboid {args.command}: interrupted", file=sys.stderr)
         return INTERRUPTED

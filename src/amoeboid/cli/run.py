@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.settings import add_settings, field_table, print_json
-from amoeboid.config import Config, anchored, config_from_toml, with_settings
-from amoeboid.validation import InvalidInput
+from amoeboid.config import Config, anchored, config_from_toml, shortest_step, with_settings
+from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
     from amoeboid.simulation import Step
@@ -57,6 +57,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _path(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("a path must not be empty")
+    if not is_text(text):
+        raise argparse.ArgumentTypeError(f"a path must be text in UTF-8, got {text!r}; rename it")
     return Path(text)
 
 
@@ -67,18 +69,10 @@ def execute(args: argparse.Namespace) -> int:
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
     _advise(first.model)
-    last, status, why = _simulate(run, first)
-    wall_s = time.perf_counter() - began
-
-    # the latest row is that of `last`: rows are appended step by step
-    summary: dict[str, Any] = {name: run.rows[-1][name] for name in SUMMARY}
-    summary |= {
-        "steps": last.number,
-        "wall_s": round(wall_s, 3),
-        "steady": last.steady,
-        "output": str(run.folder),
-    }
-    run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
+    with _failure_recorded(run):
+        last, status, why = _simulate(run, first)
+        summary = _summary(run, last, time.perf_counter() - began)
+        run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
     _draw(run, last)
     if status != "finished":
         print(f"amoeboid run: {status}: {why}", file=sys.stderr)
@@ -88,6 +82,16 @@ def execute(args: argparse.Namespace) -> int:
     else:
         _print_summary(summary, last, why)
     return EXIT_CODES[status]
+
+
+def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
+    # the latest row is that of `last`: rows are appended step by step
+    return {name: run.rows[-1][name] for name in SUMMARY} | {
+        "steps": last.number,
+        "wall_s": round(wall_s, 3),
+        "steady": last.steady,
+        "output": str(run.folder),
+    }
 
 
 def _advise(model: Model) -> None:
@@ -104,13 +108,12 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
 
     config = Config()
     if args.config is not None:
-        config = anchored(config_from_toml(text_of(args.config)), args.config.parent)
+        config = anchored(
+            config_from_toml(text_of(args.config), repr(str(args.config))), args.config.parent
+        )
     config = with_settings(config, args.settings)
     first = start(config)
-    run = new_run(new_folder(args.output), config)
-    run.append(first)
-    run.save(first)
-    return run, first
+    return new_run(new_folder(args.output), config), first
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
@@ -123,10 +126,11 @@ def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
             f"the run in {str(args.resume)!r} has ended steady at t = {first.state.t:g}; "
             "to go on, --set time.stop_when_steady=false"
         )
-    if first.state.t >= run.config.time.end:
+    least = first.state.t + shortest_step(run.config)
+    if not run.config.time.end > least:
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has reached time.end = {run.config.time.end:g}; "
-            "to go on, --set time.end to a later time"
+            f"to go on with the run in {str(args.resume)!r} time.end must be > {least:.9g}, got "
+            f"{run.config.time.end:.9g}; --set time.end to a later time"
         )
     run.begin()
     return run, first
@@ -137,6 +141,9 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
     from amoeboid.simulation import Diverged, evolve
 
     last, status, why = first, "finished", ""
+    if not run.frame_times:
+        run.append(first)
+        run.save(first)
     try:
         with _interruptible() as interruption, _progress(run) as report:
             for step in evolve(first, run.config.time, [interruption]):
@@ -147,11 +154,6 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
                     run.save(step)
     except Diverged as error:
         status, why = "diverged", str(error)
-    except OSError as error:
-        # the disk may be full: say so in the folder if that is still possible
-        with suppress(OSError):
-            run.write_manifest("failed", ended=str(error), t=last.state.t)
-        raise
     if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
     if run.frame_times[-1][0] < last.state.t:
@@ -159,6 +161,17 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
             run.append(last)
         run.save(last)
     return last, status, why
+
+
+@contextmanager
+def _failure_recorded(run: Run) -> Iterator[None]:
+    """Note in the folder that its disk was full, or the like, if that is still possible."""
+    try:
+        yield
+    except OSError as error:
+        with suppress(OSError):
+            run.write_manifest("failed", ended=str(error), t=run.rows[-1]["t"])
+        raise
 
 
 @contextmanager

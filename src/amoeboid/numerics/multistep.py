@@ -2,8 +2,9 @@
 
 BDF2 (Hairer & Wanner, *Solving Ordinary Differential Equations II*, section V.1; steps may grow by
 up to 1 + sqrt(2) at a time, E. Hairer, S. P. Norsett, G. Wanner, volume I, theorem III.5.5).
-Linearly implicit: coefficients are evaluated at an extrapolated state, so that a step is one linear
-solve; for evolving surfaces B. Kovacs, B. Li, C. Lubich, Numer. Math. 143, 797 (2019).
+The extrapolated past is where the iteration that solves the implicit equations starts, and what the
+error is estimated from. Taken alone it makes a step linearly implicit, one linear solve; for
+evolving surfaces that is B. Kovacs, B. Li, C. Lubich, Numer. Math. 143, 797 (2019).
 
 Past times are given newest first.
 """

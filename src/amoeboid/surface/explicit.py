@@ -38,7 +38,9 @@ from amoeboid.surface.stepping import StepFailed, check_step
 
 Array = NDArray[np.float64]
 
-# Share of the way to the middle of their triangles that nodes go in one unit of model.rate.
+# Share of the way to the middle of their triangles that nodes go in one unit of model.rate: twice
+# that of the semi-implicit scheme, as there is no remeshing to help. Steady states do not depend on
+# it.
 MESH_RELAXATION = 2.0
 # Residual force left by the conjugate gradients, relative to the pressure force plus the viscous
 # force of a flow at model.rate.

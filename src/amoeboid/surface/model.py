@@ -20,6 +20,11 @@ from amoeboid.theory.linear import growth_rate
 Array = NDArray[np.float64]
 
 
+def even_edge_length(area: float, n_faces: int) -> float:
+    """Edge length [L] of `n_faces` equilateral triangles of a total area."""
+    return math.sqrt(4.0 * area / (math.sqrt(3.0) * n_faces))
+
+
 @dataclass(frozen=True, eq=False)
 class Model:
     """Parameters on a connectivity; holds no solution.
@@ -34,7 +39,7 @@ class Model:
 
     def __post_init__(self) -> None:
         if self.edge_length == 0.0:
-            even = math.sqrt(4.0 * self.A0 / (math.sqrt(3.0) * len(self.mesh.faces)))
+            even = even_edge_length(self.A0, len(self.mesh.faces))
             object.__setattr__(self, "edge_length", even)
 
     @property
