@@ -270,7 +270,7 @@ def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path)
         parameters=Parameters(D=0.4, v_p0=8.0, delta_P=2.0, beta=0.0),
         mesh=Mesh(subdivisions=2),
         initial=Initial(perturbation=2.0),
-        time=Time(end=0.714, stop_when_steady=False),
+        time=Time(end=0.7, stop_when_steady=False),
         output=Output(interval=10.0),
     )
     _, _, whole = run_into(tmp_path / "whole", config)
