@@ -18,7 +18,6 @@ from amoeboid.validation import InvalidInput
 if TYPE_CHECKING:
     from amoeboid.simulation import Step
     from amoeboid.store import Run
-    from amoeboid.surface.model import Model
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
@@ -66,7 +65,6 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
-    _advise(first.model)
     last, status, why = _simulate(run, first)
     wall_s = time.perf_counter() - began
 
@@ -88,14 +86,6 @@ def execute(args: argparse.Namespace) -> int:
     else:
         _print_summary(summary, last, why)
     return EXIT_CODES[status]
-
-
-def _advise(model: Model) -> None:
-    from amoeboid.numerics.symmetric import advice
-
-    faster = advice(model.vector_solver.n)
-    if faster is not None:
-        print(f"amoeboid run: {faster}", file=sys.stderr)
 
 
 def _started(args: argparse.Namespace) -> tuple[Run, Step]:
