@@ -19,6 +19,7 @@ from amoeboid.numerics.fronts import (
     CHILD,
     ENTRY,
     FIRST,
+    INSIDE,
     LEADING,
     LIST,
     PANEL,
@@ -27,7 +28,7 @@ from amoeboid.numerics.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.tiles import COLUMNS, ROWS, TILES, cholesky, dots, subtract
+from amoeboid.numerics.tiles import COLUMNS, ROWS, TILES, address, cholesky, dots, scatter, subtract
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -66,7 +67,7 @@ class BlockCholesky:
         panels = self._unused.pop() if self._unused else np.empty(f.panels)
         blocks = np.ascontiguousarray(entries, dtype=float).reshape(-1, SIZE, SIZE)
         if not _factorized(
-            blocks, f.table, f.row_in_parent, f.entries, f.children, panels, self._updates
+            blocks, f.table, f.down, f.across, f.entries, f.children, panels, self._updates
         ):
             self._unused.append(panels)
             raise SingularMatrix("the matrix must be positive definite; it is not")
@@ -76,111 +77,102 @@ class BlockCholesky:
 
 
 @compiled
-def _factorized(entries, table, row_in_parent, blocks, children, panels, updates):  # type: ignore[no-untyped-def]
-    panels[:] = 0.0
+def _factorized(entries, table, down, across, blocks, children, panels, updates):  # type: ignore[no-untyped-def]
+    for i in range(len(panels)):
+        panels[i] = 0.0
     for f in range(len(table) - 1):
         k, r, l0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL]
-        u0, leading = table[f, UPDATE], table[f, LEADING]
+        u0, long = table[f, UPDATE], table[f, LEADING]
         for e in range(table[f, ENTRY], table[f + 1, ENTRY]):
-            p, row, column = blocks[e]
+            p, row, column = blocks[e, 0], blocks[e, 1], blocks[e, 2]
             for a in range(SIZE):
-                place = l0 + (row + a) // ROWS * (ROWS * k) + (row + a) % ROWS + ROWS * column
+                place = l0 + ((row + a) >> 3) * (ROWS * k) + ((row + a) & 7) + ROWS * column
                 for b in range(SIZE):
                     panels[place + ROWS * b] = entries[p, b, a]
-        updates[u0 : u0 + leading * r] = 0.0
+        for i in range(u0, u0 + long * r):
+            updates[i] = 0.0
+        panel, update = address(panels, l0), address(updates, u0)
         for c in range(table[f, CHILD], table[f + 1, CHILD]):
-            _extend(table, children[c], row_in_parent, panels, updates, l0, k, u0, leading)
-        first, tiles = (k + ROWS - 1) // ROWS, (k + ROWS - 1) // ROWS + leading // ROWS
-        if not _eliminated(panels, l0, k, tiles):
+            _extend(table, children[c], down, across, updates, panel, update, long)
+        first = (k + ROWS - 1) >> 3
+        tiles = first + (long >> 3)
+        if not _eliminated(panel, k, tiles):
             return False
-        _subtract(
-            updates, u0 - ROWS * first, ROWS, leading, panels, l0, k, k, ROWS * first, r, tiles
-        )
+        origin = update - 8 * ROWS * first
+        _subtract(origin, ROWS, long, panel, k, k, ROWS * first, r, tiles)
     return True
 
 
 @compiled
-def _extend(table, child, row_in_parent, panels, updates, l0, k, u0, leading):  # type: ignore[no-untyped-def]
-    """Add the update of a child to panel and update of its parent."""
-    r, long, begin = table[child, BOUNDARY], table[child, LEADING], table[child, LIST]
-    high = (k + ROWS - 1) // ROWS * ROWS
-    rows = row_in_parent[begin : begin + r]
-    inside = 0
-    while inside < r and rows[inside] < k:
-        inside += 1
-    for j in range(inside):
-        source, target = table[child, UPDATE] + j * long, l0 + ROWS * rows[j]
-        for i in range(j, r):
-            row = rows[i]
-            panels[target + row // ROWS * (ROWS * k) + row % ROWS] += updates[source + i]
-    for j in range(inside, r):
-        source = table[child, UPDATE] + j * long
-        target = u0 + (rows[j] - high) * leading - high
-        for i in range(j, r):
-            updates[target + rows[i]] += updates[source + i]
+def _extend(table, child, down, across, updates, panel, update, leading):  # type: ignore[no-untyped-def]
+    """Add the update of a child to panel and update of its parent, at these addresses."""
+    r, inside, begin = table[child, BOUNDARY], table[child, INSIDE], table[child, LIST]
+    to_panel, to_update = address(down, begin), address(across, begin)
+    for j in range(r):
+        source = address(updates, table[child, UPDATE] + j * table[child, LEADING])
+        column = across[begin + j]
+        if j < inside:
+            scatter(panel + 8 * column, to_panel, source, j, r)
+        else:
+            scatter(update + 8 * column * leading, to_update, source, j, r)
 
 
 @compiled
-def _eliminated(panels, l0, k, tiles):  # type: ignore[no-untyped-def]
+def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
     """Eliminate the k pivots of a panel; whether it is positive definite."""
     for begin in range(0, k, BLOCK):
         end = min(k, begin + BLOCK)
         if begin > 0:
-            _subtract(
-                panels, l0 + ROWS * begin, ROWS * k, ROWS, panels, l0, k, begin, begin,
-                end - begin, tiles,
-            )  # fmt: skip
-        l1 = l0 + ROWS * begin
+            column = panel + 8 * ROWS * begin
+            _subtract(column, ROWS * k, ROWS, panel, k, begin, begin, end - begin, tiles)
+        recent = panel + 8 * ROWS * begin
         for j in range(begin, end, COLUMNS):
-            wide = min(COLUMNS, end - j)
+            wide, column = min(COLUMNS, end - j), panel + 8 * ROWS * j
             if j > begin:
-                _subtract(
-                    panels, l0 + ROWS * j, ROWS * k, ROWS, panels, l1, k, j - begin, j, wide, tiles
+                subtract(
+                    column, ROWS * k, ROWS, recent, recent, j, k, j - begin, j >> 3, tiles, wide
                 )
             if wide == COLUMNS:
-                sound = _cholesky_6(panels, l0, j, k, tiles)
+                sound = _cholesky_6(panel, j, k, tiles)
             else:
-                sound = _cholesky_3(panels, l0, j, k, tiles)
+                sound = _cholesky_3(panel, j, k, tiles)
             if not sound:
                 return False
     return True
 
 
 @compiled
-def _subtract(c, c0, cv, cc, panels, l0, k, depth, row, columns, tiles):  # type: ignore[no-untyped-def]
+def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[no-untyped-def]
     """c -= (rows of the panel) (its rows from `row`)^T, on and below the diagonal, tile by tile.
 
-    Tile t, column j of c is at c0 + t cv + j cc; the diagonal is at row `row` + j. l0: place of the
-    first of the `depth` columns of the panel, of width k, that count.
+    Number t, j of c, of tile t and column j, is t cv + j cc after the address c; the diagonal is at
+    row `row` + j. Of the k columns of the panel the first `depth` count.
     """
-    first = row // ROWS
     together = max(TILES, CACHED // (ROWS * depth))
-    for low in range(first, tiles, together):
+    for low in range(row >> 3, tiles, together):
         high = min(tiles, low + together)
         for j in range(0, columns, COLUMNS):
-            subtract(
-                c, c0 + j * cc, cv, cc, panels, l0, panels, l0, row + j, k, depth,
-                max(low, (row + j) // ROWS), high, min(COLUMNS, columns - j),
-            )  # fmt: skip
+            first, wide = max(low, (row + j) >> 3), min(COLUMNS, columns - j)
+            subtract(c + 8 * j * cc, cv, cc, panel, panel, row + j, k, depth, first, high, wide)
 
 
 @compiled
 def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
     n = len(x) // vectors
+    mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
-        first, b0 = (k + ROWS - 1) // ROWS, table[f, LIST]
-        tiles = first + table[f, LEADING] // ROWS
+        first, b0, panel = (k + ROWS - 1) >> 3, table[f, LIST], address(panels, l0)
+        tiles = first + (table[f, LEADING] >> 3)
         long = tiles * ROWS
-        local[: vectors * long] = 0.0
+        for i in range(vectors * long):
+            local[i] = 0.0
         for v in range(vectors):
             for j in range(k):
                 local[v * long + j] = x[v * n + x0 + j]
         for t in range(first):
             place, row = l0 + t * ROWS * k, t * ROWS
-            subtract(
-                local, 0, ROWS, long, panels, l0, solved, 0, 0, k, row, t, t + 1, vectors
-            )  # fmt: skip
+            subtract(mine, ROWS, long, panel, known, 0, k, row, t, t + 1, vectors)
             for j in range(row, min(row + ROWS, k)):
                 for v in range(vectors):
                     at = v * long + row
@@ -189,9 +181,7 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
                     x[v * n + x0 + j] = y
                     for i in range(ROWS):
                         local[at + i] -= panels[place + ROWS * j + i] * y
-        subtract(
-            local, 0, ROWS, long, panels, l0, solved, 0, 0, k, k, first, tiles, vectors
-        )  # fmt: skip
+        subtract(mine, ROWS, long, panel, known, 0, k, k, first, tiles, vectors)
         for v in range(vectors):
             at = v * long + first * ROWS
             for i in range(r):
@@ -201,12 +191,14 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
 @compiled
 def _backward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
     n = len(x) // vectors
+    mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 2, -1, -1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
-        first, b0 = (k + ROWS - 1) // ROWS, table[f, LIST]
-        tiles = first + table[f, LEADING] // ROWS
+        first, b0, panel = (k + ROWS - 1) >> 3, table[f, LIST], address(panels, l0)
+        tiles = first + (table[f, LEADING] >> 3)
         long = tiles * ROWS
-        local[: vectors * long] = 0.0
+        for i in range(vectors * long):
+            local[i] = 0.0
         for v in range(vectors):
             at = v * long + first * ROWS
             for i in range(r):
@@ -216,18 +208,18 @@ def _backward(table, boundary, panels, x, vectors, local, solved):  # type: igno
                 for d in range(SIZE):
                     solved[SIZE * v + d] = x[v * n + x0 + j + d]
             if vectors == 1:
-                _dots_31(solved, 0, panels, l0, j, k, j // ROWS, tiles, local, 0, long)
+                _dots_31(known, panel, j, k, j >> 3, tiles, mine, long)
             else:
-                _dots_34(solved, 0, panels, l0, j, k, j // ROWS, tiles, local, 0, long)
+                _dots_34(known, panel, j, k, j >> 3, tiles, mine, long)
             for v in range(vectors):
                 for d in range(SIZE - 1, -1, -1):
                     y = solved[SIZE * v + d]
                     for e in range(d + 1, SIZE):
                         row = j + e
-                        place = l0 + row // ROWS * (ROWS * k) + row % ROWS + ROWS * (j + d)
+                        place = l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * (j + d)
                         y -= panels[place] * local[v * long + row]
                     row = j + d
-                    y *= panels[l0 + row // ROWS * (ROWS * k) + row % ROWS + ROWS * row]
+                    y *= panels[l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * row]
                     local[v * long + row] = y
                     x[v * n + x0 + row] = y
 

@@ -31,7 +31,8 @@ def dissected(row_start: Index, columns: Index, most: int) -> tuple[Index, Index
     ancestors. Parents follow their children, and the descendants of a piece come right before it;
     the parent of a root is -1.
     """
-    order, ends, parents = _dissected(row_start, columns, most)
+    order, ends, parents, found = _dissected(row_start, columns, most)
+    ends, parents = ends[:found], parents[:found]
     by_place = np.argsort(ends[:, 1], kind="stable")
     place = np.empty(len(by_place) + 1, dtype=np.int64)
     place[by_place] = np.arange(len(by_place))
@@ -47,14 +48,16 @@ def _dissected(row_start, columns, most):  # type: ignore[no-untyped-def]
     piece, level = np.zeros(n, np.int64), np.zeros(n, np.int64)
     queue, side = np.empty(n, np.int64), np.zeros(n, np.int64)
     ends, parents = np.empty((n, 2), np.int64), np.empty(n, np.int64)
-    found, stamp = 0, 0
-    waiting = [(0, n, -1)]
-    while len(waiting) > 0:
-        low, high, parent = waiting.pop()
+    waiting = np.empty((n + 1, 3), np.int64)
+    waiting[0, 0], waiting[0, 1], waiting[0, 2] = 0, n, -1
+    found, stamp, top = 0, 0, 1
+    while top > 0:
+        top -= 1
+        low, high, parent = waiting[top, 0], waiting[top, 1], waiting[top, 2]
         stamp += 1
         for k in range(low, high):
             piece[order[k]] = stamp
-        cut = low
+        left, cut = low, low
         if high - low > most:
             left, cut = _halved(
                 row_start, columns, order, low, high, piece, stamp, level, queue, side
@@ -63,12 +66,13 @@ def _dissected(row_start, columns, most):  # type: ignore[no-untyped-def]
             ends[found, 0], ends[found, 1], parents[found] = cut, high, parent
             parent = found
             found += 1
-        if cut > low:
-            if left > low:
-                waiting.append((low, left, parent))
-            if cut > left:
-                waiting.append((left, cut, parent))
-    return order, ends[:found], parents[:found]
+        if left > low:
+            waiting[top, 0], waiting[top, 1], waiting[top, 2] = low, left, parent
+            top += 1
+        if cut > left:
+            waiting[top, 0], waiting[top, 1], waiting[top, 2] = left, cut, parent
+            top += 1
+    return order, ends, parents, found
 
 
 @compiled
@@ -87,24 +91,21 @@ def _halved(row_start, columns, order, low, high, piece, stamp, level, queue, si
             if piece[order[k]] == stamp:
                 queue[reached] = order[k]
                 reached += 1
-        order[low:high] = queue[:size]
+        for k in range(size):
+            order[low + k] = queue[k]
         return rest, high
     middle = _middle(level, queue, size)
     for k in range(size):
         v = queue[k]
         side[v] = LEFT if level[v] < middle else (RIGHT if level[v] > middle else CUT)
     _shorten(row_start, columns, queue, size, piece, stamp, side)
-    begins = np.zeros(3, np.int64)
-    for k in range(size):
-        begins[side[queue[k]]] += 1
-    begins[CUT] = high - begins[CUT]
-    begins[RIGHT] = begins[CUT] - begins[RIGHT]
-    begins[LEFT] = low
-    left, cut = begins[RIGHT], begins[CUT]
-    for k in range(size):
-        v = queue[k]
-        order[begins[side[v]]] = v
-        begins[side[v]] += 1
+    place, left, cut = low, low, low
+    for kind in (LEFT, RIGHT, CUT):
+        left, cut = cut, place
+        for k in range(size):
+            if side[queue[k]] == kind:
+                order[place] = queue[k]
+                place += 1
     return left, cut
 
 

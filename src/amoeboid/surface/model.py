@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.cholesky import BlockCholesky
-from amoeboid.numerics.iterative import DominatedByDiagonal
+from amoeboid.numerics.dominated import DominatedByDiagonal
 from amoeboid.parameters import Parameters
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.theory.linear import growth_rate
