@@ -51,20 +51,6 @@ def test_summary_names_the_numbers_and_the_folder(tmp_path, capsys):
     assert "frames.pvd" in out
 
 
-@pytest.mark.parametrize("installed", [True, False])
-def test_a_large_mesh_without_the_fast_solver_says_once_what_would_be_faster(
-    installed, tmp_path, monkeypatch, capsys
-):
-    if not installed:
-        monkeypatch.setitem(sys.modules, "cvxopt", None)
-        monkeypatch.setitem(sys.modules, "cvxopt.cholmod", None)
-    large = ["--set", "mesh.subdivisions=4", "--set", "time.end=0.01"]
-    assert main(["run", *large, "--json", "-o", str(tmp_path / "run")]) == 0
-    out, err = capsys.readouterr()
-    assert json.loads(out)["status"] == "finished"
-    assert err.count("amoeboid[fast]") == (0 if installed else 1)
-
-
 def test_the_stored_configuration_repeats_the_run(tmp_path, capsys):
     assert main(["run", *QUICK, "--json", "-o", str(tmp_path / "a")]) == 0
     first = json.loads(capsys.readouterr().out)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from importlib.metadata import PackageNotFoundError, version
 
 # What is recorded with every run and every timing; those not installed are left out.
-PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista", "cvxopt")
+PACKAGES = ("amoeboid", "numpy", "scipy", "numba", "vtk", "pyvista", "llvmlite")
 
 
 def installed_versions() -> dict[str, str]:

@@ -2,9 +2,24 @@
 
 import numpy as np
 
+from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import area
 from amoeboid.surface.mesh import connectivity
+from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.surface.remeshing import remeshed
+
+TETRAHEDRON = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
+OCTAHEDRON = [
+    (0, 2, 4),
+    (2, 1, 4),
+    (1, 3, 4),
+    (3, 0, 4),
+    (2, 0, 5),
+    (1, 2, 5),
+    (3, 1, 5),
+    (0, 3, 5),
+]
 
 
 def sphere(subdivisions):
@@ -65,3 +80,31 @@ def _radial(subdivisions, radius):
     n, mesh = sphere(subdivisions)
     r = radius(n)[:, None] * n
     return r * np.sqrt(4 * np.pi / area(r, mesh.faces)), mesh
+
+
+def tetrahedron():
+    r = np.array([(1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1)], dtype=float)
+    return r, connectivity(np.array(TETRAHEDRON)[:, ::-1])
+
+
+def octahedron():
+    r = np.vstack([s * np.eye(3)[i] for i in range(3) for s in (1, -1)])
+    return r, connectivity(np.array(OCTAHEDRON))
+
+
+def irregular():
+    """A drawn-out sphere, remeshed: valences from 4 to 8, numbers of nodes that are no pattern."""
+    r, mesh = sausage(3, 2.0)
+    r = r * np.sqrt(4 * np.pi / area(r, mesh.faces))
+    state = State(0.0, r, np.ones(len(r)), 1.0, np.zeros(3))
+    model, (state,) = remeshed(Model(Parameters(), mesh), (state,))
+    assert model.mesh is not mesh
+    assert len(set(model.mesh.valence)) >= 4
+    return state.r, model.mesh
+
+
+def shuffled():
+    """A mesh whose numbering says nothing."""
+    r, mesh = lumpy(2)
+    new = np.random.default_rng(5).permutation(len(r))
+    return r[np.argsort(new)], connectivity(new[mesh.faces])

@@ -18,7 +18,6 @@ from amoeboid.validation import InvalidInput, is_text
 if TYPE_CHECKING:
     from amoeboid.simulation import Step
     from amoeboid.store import Run
-    from amoeboid.surface.model import Model
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
@@ -68,7 +67,6 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
-    _advise(first.model)
     with _failure_recorded(run):
         last, status, why = _simulate(run, first)
         summary = _summary(run, last, time.perf_counter() - began)
@@ -92,14 +90,6 @@ def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
         "steady": last.steady,
         "output": str(run.folder),
     }
-
-
-def _advise(model: Model) -> None:
-    from amoeboid.numerics.symmetric import advice
-
-    faster = advice(model.vector_solver.n)
-    if faster is not None:
-        print(f"amoeboid run: {faster}", file=sys.stderr)
 
 
 def _started(args: argparse.Namespace) -> tuple[Run, Step]:

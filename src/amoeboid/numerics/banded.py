@@ -1,7 +1,7 @@
-"""Direct solvers for sparse matrices whose numbering already gives a narrow band.
+"""A direct solver for sparse matrices whose numbering already gives a narrow band.
 
-`SymmetricBand` and `GeneralBand` hold the structure, made once; `factor` takes the entries and
-returns an object with `solve`.
+`GeneralBand` holds the structure, made once; `factor` takes the entries and returns an object with
+`solve`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgbtrf, dgbtrs, dpbtrf, dpbtrs
+from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -38,30 +38,6 @@ class _LapackFactor:
         if info != 0:
             raise SingularMatrix(f"LAPACK refused the right-hand side (info = {info})")
         return x
-
-
-class SymmetricBand:
-    """Cholesky factorization of symmetric positive definite matrices of one sparsity."""
-
-    def __init__(self, rows: Index, columns: Index, n: int) -> None:
-        self._below = np.flatnonzero(rows >= columns)
-        i, j = rows[self._below], columns[self._below]
-        self.half_width = int(np.max(i - j))
-        # LAPACK keeps the lower band column by column: entry (i, j) at ab[i - j, j]
-        self._places = (i - j) + j * (self.half_width + 1)
-        self.n = n
-
-    def factor(self, entries: Array) -> Factor:
-        """Factorize; `entries` on the pattern given at construction. Raises SingularMatrix."""
-        below = entries.ravel()[self._below]
-        if not np.all(np.isfinite(below)):
-            raise SingularMatrix("the matrix must be positive definite; an entry is not finite")
-        band = np.zeros((self.n, self.half_width + 1))
-        band.ravel()[self._places] = below
-        triangle, info = dpbtrf(band.T, lower=1, overwrite_ab=1)
-        if info != 0:
-            raise SingularMatrix(f"the matrix must be positive definite; minor {info} is not")
-        return _LapackFactor(lambda b: dpbtrs(triangle, b, lower=1))
 
 
 class GeneralBand:

@@ -9,10 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.banded import SymmetricBand
-from amoeboid.numerics.cholmod import SparseCholesky
-from amoeboid.numerics.iterative import DominatedByDiagonal
-from amoeboid.numerics.symmetric import symmetric_solver
+from amoeboid.numerics.cholesky import BlockCholesky
+from amoeboid.numerics.dominated import DominatedByDiagonal
 from amoeboid.parameters import Parameters
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.theory.linear import growth_rate
@@ -58,12 +56,9 @@ class Model:
         return float(growth_rate(self.parameters, 1))
 
     @cached_property
-    def vector_solver(self) -> SymmetricBand | SparseCholesky:
+    def vector_solver(self) -> BlockCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        axis = np.arange(3)
-        rows = 3 * self.mesh.rows[:, None, None] + axis[:, None] + 0 * axis
-        columns = 3 * self.mesh.columns[:, None, None] + 0 * axis[:, None] + axis
-        return symmetric_solver(rows.ravel(), columns.ravel(), 3 * self.mesh.n_nodes)
+        return BlockCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def scalar_solver(self) -> DominatedByDiagonal:

@@ -1,0 +1,342 @@
+"""Dense kernels on panels stored in tiles of eight rows, as vector instructions for compiled code.
+
+A panel (m, k) with m a multiple of 8 lies in memory as m/8 tiles, each k columns of 8 numbers:
+entry (i, j) at (i // 8) * 8 k + 8 j + i % 8. Matrices so stored are read from front to back by
+every kernel. `product` is the inner kernel of all factorizations (as in K. Goto, R. A. van de
+Geijn, ACM Trans. Math. Softw. 34, 12, 2008); the compiler would not keep its sums in registers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import llvmlite.binding as llvm
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+
+from amoeboid.numerics.compiled import compiled
+
+ROWS = 8
+# Tiles that one product takes at a time: their sums must fit into the registers.
+TILES = 3 if llvm.get_host_cpu_features().get("avx512f") else 1
+# Columns that one product takes at a time; a node has three unknowns.
+COLUMNS = 6
+
+_DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
+_VECTOR = ir.VectorType(_DOUBLE, ROWS)
+_FUSE = ("contract",)  # allows a multiplication and an addition in one instruction
+
+
+class _Emitter:
+    """Emits vector instructions through `builder`, for numbers at places after `starts`."""
+
+    def __init__(self, builder: Any, *starts: Any) -> None:
+        self.builder = builder
+        self.starts = [builder.inttoptr(start, ir.PointerType(_DOUBLE)) for start in starts]
+
+    def address(self, array: int, place: Any, kind: Any = _DOUBLE) -> Any:
+        pointer = self.builder.gep(self.starts[array], [place], inbounds=True)
+        return self.builder.bitcast(pointer, ir.PointerType(kind))
+
+    def load(self, array: int, place: Any) -> Any:
+        return self.builder.load(self.address(array, place, _VECTOR), align=8)
+
+    def store(self, value: Any, array: int, place: Any) -> None:
+        self.builder.store(value, self.address(array, place, _VECTOR), align=8)
+
+    def number(self, array: int, place: Any) -> Any:
+        return self.builder.load(self.address(array, place), align=8)
+
+    def spread(self, value: Any) -> Any:
+        one = self.builder.insert_element(
+            ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(ir.IntType(32), 0)
+        )
+        zeros = ir.Constant(ir.VectorType(ir.IntType(32), ROWS), [0] * ROWS)
+        return self.builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), zeros)
+
+    def sum(self, value: Any) -> Any:
+        half = ROWS // 2
+        while half >= 1:
+            index = ir.Constant(ir.VectorType(ir.IntType(32), half), list(range(half)))
+            other = ir.Constant(ir.VectorType(ir.IntType(32), half), list(range(half, 2 * half)))
+            undefined = ir.Constant(value.type, ir.Undefined)
+            low = self.builder.shuffle_vector(value, undefined, index)
+            value = self.builder.fadd(low, self.builder.shuffle_vector(value, undefined, other))
+            half //= 2
+        return self.builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
+
+    def less_product(self, c: Any, a: Any, b: Any) -> Any:
+        return self.builder.fsub(c, self.builder.fmul(a, b, flags=_FUSE), flags=_FUSE)
+
+    def plus(self, a: Any, times: int, b: Any) -> Any:
+        return self.builder.add(a, self.builder.mul(_word(times), b))
+
+    def positive(self, value: Any) -> Any:
+        """Whether a number is positive and finite."""
+        above = self.builder.fcmp_ordered(">", value, ir.Constant(_DOUBLE, 0.0))
+        below = self.builder.fcmp_ordered("<", value, ir.Constant(_DOUBLE, float("inf")))
+        return self.builder.and_(above, below)
+
+    def block(self, row: Any, width: Any, size: int) -> dict[tuple[int, int], Any]:
+        """Places of the entries on and below the diagonal, from `row` on."""
+        column = self.builder.mul(_word(ROWS), row)
+        starts = [
+            self.builder.add(column, self.in_tiles(self.builder.add(row, _word(i)), width))
+            for i in range(size)
+        ]
+        return {
+            (i, j): self.builder.add(starts[i], _word(ROWS * j))
+            for i in range(size)
+            for j in range(i + 1)
+        }
+
+    @contextmanager
+    def each_tile(self, row: Any, width: Any, tiles: Any) -> Iterator[Any]:
+        """Loop over the tiles from that of `row` on; the place of column `row` in each."""
+        column = self.builder.mul(_word(ROWS), row)
+        first, stride = self.builder.lshr(row, _word(3)), self.builder.mul(width, _word(ROWS))
+        with cgutils.for_range_slice(self.builder, first, tiles, _word(1), _WORD) as (tile, _):
+            yield self.builder.add(column, self.builder.mul(tile, stride))
+
+    def in_tiles(self, row: Any, width: Any) -> Any:
+        """Place of the first number of a row of a panel."""
+        tile = self.builder.lshr(row, _word(3))
+        within = self.builder.and_(row, _word(7))
+        return self.builder.add(
+            self.builder.mul(self.builder.mul(tile, width), _word(ROWS)), within
+        )
+
+
+def _word(value: int) -> Any:
+    return ir.Constant(_WORD, value)
+
+
+def product(tiles: int, columns: int) -> Callable[..., None]:
+    """Compiled function (c, cv, cc, a, b, row, width, depth): c -= a b^T.
+
+    a: address of `tiles` tiles of a panel of `width` columns; b: that of a panel of the same width,
+    of which `columns` rows from `row` on count; of both the first `depth` columns. c: address of
+    numbers in tiles cv apart, columns cc apart.
+    """
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        c, cv, cc, a, b, row, width, depth = args
+        e = _Emitter(builder, c, a, b)
+        places = [
+            [e.plus(e.plus(_word(0), t, cv), j, cc) for j in range(columns)] for t in range(tiles)
+        ]
+        kept = [[cgutils.alloca_once(builder, _VECTOR) for _ in line] for line in places]
+        for line, sums in zip(places, kept, strict=True):
+            for place, total in zip(line, sums, strict=True):
+                builder.store(e.load(0, place), total)
+        stride = builder.mul(width, _word(ROWS))
+        rows_b = [e.in_tiles(builder.add(row, _word(j)), width) for j in range(columns)]
+        rows_a = [builder.mul(_word(t), stride) for t in range(tiles)]
+        with cgutils.for_range(builder, depth) as loop:
+            along = builder.mul(loop.index, _word(ROWS))
+            left = [e.load(1, builder.add(place, along)) for place in rows_a]
+            for j, place in enumerate(rows_b):
+                right = e.spread(e.number(2, builder.add(place, along)))
+                for t in range(tiles):
+                    total = builder.load(kept[t][j])
+                    builder.store(e.less_product(total, left[t], right), kept[t][j])
+        for line, sums in zip(places, kept, strict=True):
+            for place, total in zip(line, sums, strict=True):
+                e.store(builder.load(total), 0, place)
+        return context.get_dummy_value()
+
+    @intrinsic
+    def kernel(typingctx, c, cv, cc, a, b, row, width, depth):  # type: ignore[no-untyped-def]
+        return types.void(*[types.int64] * 8), emit
+
+    return kernel
+
+
+def cholesky(columns: int) -> Callable[..., bool]:
+    """Compiled function (l, row, width, tiles): eliminate columns row ... row + `columns` - 1.
+
+    Their entries from row on become those of the Cholesky factor, except for the diagonal, which
+    becomes its inverse; l: address of the panel, which has `tiles` tiles. Whether all pivots were
+    positive and finite.
+    """
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        l, row, width, tiles = args  # noqa: E741
+        e = _Emitter(builder, l)
+        place = e.block(row, width, columns)
+        block = {ij: e.number(0, p) for ij, p in place.items()}
+        root = builder.module.declare_intrinsic("llvm.sqrt", [_DOUBLE])
+        sound, one = ir.Constant(ir.IntType(1), 1), ir.Constant(_DOUBLE, 1.0)
+        for j in range(columns):
+            sound = builder.and_(sound, e.positive(block[j, j]))
+            block[j, j] = builder.fdiv(one, builder.call(root, [block[j, j]]))
+            for i in range(j + 1, columns):
+                block[i, j] = builder.fmul(block[i, j], block[j, j])
+            for i in range(j + 1, columns):
+                for m in range(j + 1, i + 1):
+                    block[i, m] = e.less_product(block[i, m], block[i, j], block[m, j])
+        spread = {ij: e.spread(value) for ij, value in block.items()}
+        with e.each_tile(row, width, tiles) as begin:
+            solved: list[Any] = []
+            for j in range(columns):
+                at = builder.add(begin, _word(ROWS * j))
+                value = e.load(0, at)
+                for m in range(j):
+                    value = e.less_product(value, solved[m], spread[j, m])
+                solved.append(builder.fmul(value, spread[j, j]))
+                e.store(solved[j], 0, at)
+        for ij, p in place.items():
+            builder.store(block[ij], e.address(0, p))
+        return sound
+
+    @intrinsic
+    def kernel(typingctx, l, row, width, tiles):  # type: ignore[no-untyped-def]  # noqa: E741
+        return types.boolean(*[types.int64] * 4), emit
+
+    return kernel
+
+
+def gauss(columns: int) -> Callable[..., bool]:
+    """Compiled function (l, u, row, width, tiles): eliminate as `cholesky` does, but into L U.
+
+    l: panel of the columns of L, with a diagonal of 1 in place of which there is the inverse of
+    that of U; u: panel of the columns of the transposed U.
+    """
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        l, u, row, width, tiles = args  # noqa: E741
+        e = _Emitter(builder, l, u)
+        place = e.block(row, width, columns)
+        lower, upper = ({ij: e.number(a, p) for ij, p in place.items()} for a in (0, 1))
+        sound, one = ir.Constant(ir.IntType(1), 1), ir.Constant(_DOUBLE, 1.0)
+        for j in range(columns):
+            sound = builder.and_(sound, e.positive(lower[j, j]))
+            lower[j, j] = builder.fdiv(one, lower[j, j])
+            for i in range(j + 1, columns):
+                lower[i, j] = builder.fmul(lower[i, j], lower[j, j])
+            for i in range(j + 1, columns):
+                for m in range(j + 1, i + 1):
+                    lower[i, m] = e.less_product(lower[i, m], lower[i, j], upper[m, j])
+                    upper[i, m] = e.less_product(upper[i, m], upper[i, j], lower[m, j])
+        spread = [{ij: e.spread(value) for ij, value in half.items()} for half in (lower, upper)]
+        with e.each_tile(row, width, tiles) as begin:
+            for panel, other in ((0, 1), (1, 0)):
+                solved: list[Any] = []
+                for j in range(columns):
+                    at = builder.add(begin, _word(ROWS * j))
+                    value = e.load(panel, at)
+                    for m in range(j):
+                        value = e.less_product(value, solved[m], spread[other][j, m])
+                    solved.append(builder.fmul(value, spread[0][j, j]) if panel == 0 else value)
+                    e.store(solved[j], panel, at)
+        for ij, p in place.items():
+            builder.store(lower[ij], e.address(0, p))
+            builder.store(upper[ij], e.address(1, p))
+        return sound
+
+    @intrinsic
+    def kernel(typingctx, l, u, row, width, tiles):  # type: ignore[no-untyped-def]  # noqa: E741
+        return types.boolean(*[types.int64] * 5), emit
+
+    return kernel
+
+
+def dots(columns: int, vectors: int) -> Callable[..., None]:
+    """Compiled function (x, l, column, width, first, tiles, y, long): x -= l^T y.
+
+    l: address of a panel of `width` columns, of which `columns` from `column` on count, and tiles
+    first ... tiles - 1; y: that of `vectors` vectors, `long` apart. x: a number for each column and
+    vector, vector by vector.
+    """
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        x, l, column, width, first, tiles, y, long = args  # noqa: E741
+        e = _Emitter(builder, x, l, y)
+        pairs = [(j, v) for j in range(columns) for v in range(vectors)]
+        kept = {pair: cgutils.alloca_once(builder, _VECTOR) for pair in pairs}
+        for total in kept.values():
+            builder.store(ir.Constant(_VECTOR, [0.0] * ROWS), total)
+        l1 = builder.mul(column, _word(ROWS))
+        stride = builder.mul(width, _word(ROWS))
+        with cgutils.for_range_slice(builder, first, tiles, _word(1), _WORD) as (tile, _):
+            begin = builder.add(l1, builder.mul(tile, stride))
+            row = builder.mul(_word(ROWS), tile)
+            right = [e.load(2, e.plus(row, v, long)) for v in range(vectors)]
+            for j in range(columns):
+                left = e.load(1, builder.add(begin, _word(ROWS * j)))
+                for v in range(vectors):
+                    total = builder.load(kept[j, v])
+                    builder.store(e.less_product(total, left, right[v]), kept[j, v])
+        for (j, v), total in kept.items():
+            at = e.address(0, _word(j + columns * v))
+            start = builder.load(at, align=8)
+            builder.store(builder.fadd(start, e.sum(builder.load(total))), at)
+        return context.get_dummy_value()
+
+    @intrinsic
+    def kernel(typingctx, x, l, column, width, first, tiles, y, long):  # type: ignore[no-untyped-def]  # noqa: E741
+        return types.void(*[types.int64] * 8), emit
+
+    return kernel
+
+
+@intrinsic
+def address(typingctx, array, place):  # type: ignore[no-untyped-def]
+    """Address of a number of a contiguous array, which must outlive its use."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        start = context.make_array(signature.args[0])(context, builder, args[0]).data
+        return builder.ptrtoint(builder.gep(start, [args[1]]), _WORD)
+
+    return types.int64(array, types.int64), emit
+
+
+@intrinsic
+def scatter(typingctx, target, index, source, first, last):  # type: ignore[no-untyped-def]
+    """target[index[i]] += source[i] for i = first ... last - 1; three addresses."""
+
+    def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
+        target, index, source, first, last = args
+        e = _Emitter(builder, target, source)
+        places = builder.inttoptr(index, ir.PointerType(_WORD))
+        with cgutils.for_range_slice(builder, first, last, _word(1), _WORD) as (i, _):
+            at = e.address(0, builder.load(builder.gep(places, [i])))
+            builder.store(builder.fadd(builder.load(at), e.number(1, i)), at)
+        return context.get_dummy_value()
+
+    return types.void(*[types.int64] * 5), emit
+
+
+_products = [(product(TILES, n), product(1, n)) for n in (1, 3, 4, 6)]
+(_wide_1, _one_1), (_wide_3, _one_3), (_wide_4, _one_4), (_wide_6, _one_6) = _products
+
+
+@compiled
+def subtract(c, cv, cc, a, b, row, width, depth, first, last, columns):  # type: ignore[no-untyped-def]
+    """c -= a b^T, see `product`, for tiles first ... last - 1 of a and c; columns: 1, 3, 4 or 6."""
+    t, step, stride = first, 8 * cv, 8 * ROWS * width
+    c1, a1 = c + first * step, a + first * stride
+    while t + TILES <= last:
+        if columns == 6:
+            _wide_6(c1, cv, cc, a1, b, row, width, depth)
+        elif columns == 3:
+            _wide_3(c1, cv, cc, a1, b, row, width, depth)
+        elif columns == 4:
+            _wide_4(c1, cv, cc, a1, b, row, width, depth)
+        else:
+            _wide_1(c1, cv, cc, a1, b, row, width, depth)
+        t, c1, a1 = t + TILES, c1 + TILES * step, a1 + TILES * stride
+    while t < last:
+        if columns == 6:
+            _one_6(c1, cv, cc, a1, b, row, width, depth)
+        elif columns == 3:
+            _one_3(c1, cv, cc, a1, b, row, width, depth)
+        elif columns == 4:
+            _one_4(c1, cv, cc, a1, b, row, width, depth)
+        else:
+            _one_1(c1, cv, cc, a1, b, row, width, depth)
+        t, c1, a1 = t + 1, c1 + step, a1 + stride
