@@ -169,9 +169,30 @@ def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) 
     `drift` (3,) is what v_p adds to the first three. The forces that this takes vanish with the
     time step and the mesh width.
     """
-    excess = kept.T @ v_c
+    excess, shares = _excess(v_c, free, kept)
     excess[:3] += drift
-    return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
+    return np.asarray(_without(v_c, free, np.linalg.solve(shares, excess)).reshape(-1, 3))
+
+
+@compiled
+def _excess(v, free, kept):  # type: ignore[no-untyped-def]
+    excess, shares = np.zeros(6), np.zeros((6, 6))
+    for i in range(len(v)):
+        for a in range(6):
+            excess[a] += kept[i, a] * v[i]
+            for b in range(6):
+                shares[a, b] += kept[i, a] * free[i, b]
+    return excess, shares
+
+
+@compiled
+def _without(v, free, shares):  # type: ignore[no-untyped-def]
+    rest = np.empty(len(v))
+    for i in range(len(v)):
+        rest[i] = v[i]
+        for a in range(6):
+            rest[i] -= free[i, a] * shares[a]
+    return rest
 
 
 def constraints(r: Array, g: Geometry, faces: Index) -> Array:
