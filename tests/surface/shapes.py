@@ -97,7 +97,7 @@ def irregular():
     r, mesh = sausage(3, 2.0)
     r = r * np.sqrt(4 * np.pi / area(r, mesh.faces))
     state = State(0.0, r, np.ones(len(r)), 1.0, np.zeros(3))
-    model, (state,) = remeshed(Model(Parameters(), mesh), (state,))
+    model, state = remeshed(Model(Parameters(), mesh), state)
     assert model.mesh is not mesh
     assert len(set(model.mesh.valence)) >= 4
     return state.r, model.mesh
