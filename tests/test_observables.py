@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from amoeboid.observables import (
+    DEGREE,
     OBSERVABLES,
-    _fitted_values,
+    REACH,
+    RINGS,
+    _fitted_maxima,
     _largest,
     c_front,
     c_rear,
@@ -136,32 +139,65 @@ def test_shape_and_content_of_an_ellipsoid(cell):
     assert 0 < mesh_quality(model, stretched, flow) < mesh_quality(model, state, flow) <= 1
 
 
-def fitted_value(mesh, r, normals, values, i):
-    """Value at node i of the quadratic fitted to it and two rings of neighbors, spelled out."""
-    ring = mesh.columns[mesh.rows == i]
-    patch = np.flatnonzero(np.isin(np.arange(len(r)), mesh.columns[np.isin(mesh.rows, ring)]))
+def fitted_polynomial(mesh, r, normals, values, i):
+    """The polynomial fitted around node i to three rings, spelled out, at plane coordinates."""
+    patch = np.array([i])
+    for _ in range(RINGS):
+        patch = np.unique(mesh.columns[np.isin(mesh.rows, patch)])
     n = normals[i]
     first = np.cross(n, np.eye(3)[np.argmin(np.abs(n))])
     first /= np.linalg.norm(first)
     plane = (r[patch] - r[i]) @ np.column_stack([first, np.cross(n, first)])
-    x, y = (plane / np.abs(plane).max()).T
-    basis = np.column_stack([np.ones(len(patch)), x, y, 0.5 * x * x, x * y, 0.5 * y * y])
-    return np.linalg.lstsq(basis, values[patch], rcond=None)[0][0]
+    plane /= np.linalg.norm(plane, axis=1).max()
+    weights = np.exp(-np.sum(plane**2, axis=1))
+    powers = [(d - q, q) for d in range(DEGREE + 1) for q in range(d + 1)]
+    basis = np.column_stack([plane[:, 0] ** p * plane[:, 1] ** q for p, q in powers])
+    k = np.linalg.lstsq(basis * weights[:, None], weights * values[patch], rcond=None)[0]
+    return lambda x, y: sum(a * x**p * y**q for a, (p, q) in zip(k, powers, strict=True))
 
 
-@pytest.mark.parametrize("subdivisions", [0, 1, 3])
-def test_fits_of_many_nodes_are_those_of_each(subdivisions):
-    if subdivisions == 0:  # a tetrahedron: too few nodes for a quadratic
-        r = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) * [1, 1.1, 0.9]
-        mesh = connectivity(np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
-    else:
-        r, mesh = lumpy(subdivisions)
+def test_maxima_are_those_of_fitted_polynomials():
+    r, mesh = lumpy(3)
     normals = geometry(r, mesh.faces).normals
-    values = np.random.default_rng(0).uniform(1, 2, len(r))
-    nodes = np.arange(0, len(r), max(1, len(r) // 40))
-    found = _fitted_values(mesh, r, normals, values, nodes)
-    expected = [fitted_value(mesh, r, normals, values, i) for i in nodes]
-    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    values = np.sin(3 * r[:, 0]) + np.cos(2 * r[:, 1] + r[:, 2])
+    nodes = _largest(values, 6)
+    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    radius, angle = np.meshgrid(np.linspace(0, REACH, 201), np.linspace(0, 2 * np.pi, 361))
+    x, y = radius * np.cos(angle), radius * np.sin(angle)
+    for i, value in zip(nodes, found, strict=True):
+        fitted = fitted_polynomial(mesh, r, normals, values, i)
+        assert fitted(0.0, 0.0) <= value
+        assert value == pytest.approx(fitted(x, y).max(), abs=1e-4)
+
+
+def test_few_nodes_give_a_fit_of_lower_degree():
+    r = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
+    mesh = connectivity(np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
+    normals = r / np.sqrt(3)
+    values, nodes = np.array([1.0, 2.0, 3.0, 4.0]), np.arange(4)
+    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    assert np.all(np.isfinite(found))
+    assert np.all(found >= values - 1e-12)
+    alike = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, np.full(4, 2.0))
+    np.testing.assert_allclose(alike, 2.0, rtol=1e-14)
+
+
+@pytest.mark.parametrize("along", [(0.0, 0.0, 1.0), (0.0, 1.0, (1 + 5**0.5) / 2), (0.3, -0.5, 0.8)])
+def test_the_speed_of_an_exact_flow_is_found_to_high_order(along):
+    """u = sin(theta) (1 + cos(theta)/2), wherever its ring of maxima passes the nodes."""
+    axis = np.array(along) / np.linalg.norm(along)
+    theta = np.linspace(0, np.pi, 200_001)
+    exact = np.max(np.sin(theta) * (1 + 0.5 * np.cos(theta)))
+    errors = []
+    for subdivisions in (2, 3, 4):
+        model, state = sphere(Parameters(), subdivisions)
+        unit = state.r / np.linalg.norm(state.r, axis=1, keepdims=True)
+        cosine = unit @ axis
+        v = (axis - cosine[:, None] * unit) * (1 + 0.5 * cosine)[:, None]
+        found = max_retrograde_speed(model, state, flow_with(v, state, unit, model))
+        errors.append(abs(found / exact - 1))
+    print(along, errors)
+    assert np.all(np.array(errors) < [2e-3, 5e-5, 4e-6])
 
 
 def test_the_largest_values_come_first_and_ties_in_order():

@@ -22,10 +22,15 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 # Number of nodes, fastest first, whose neighborhood is searched for the maximal speed.
-SEARCHED = 24
+SEARCHED = 12
+# There the squared speed is fitted by a polynomial of this degree, to so many rings of neighbors.
+DEGREE, RINGS = 4, 3
+# How far from a node its maximum is sought, in units of the farthest neighbor, and in how many
+# steps; the share of the larger curvature that the smaller one counts for at least.
+REACH, MOST_CLIMBS, FLATTEST = 0.5, 5, 1e-3
 # Slower than this, in units of rate R0, a cell has no heading.
 SLOWEST_WITH_HEADING = 1e-6
-# Share of the largest pivot below which a fit is taken for underdetermined.
+# Share of a power that must be left when lower ones are taken off, squared, to be fitted.
 UNDETERMINED = 1e-10
 
 
@@ -70,14 +75,15 @@ def heading(model: Model, state: State, flow: Flow) -> Array:
 def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
     """Maximum over the surface of the retrograde speed, the paper's v_0 [L/T].
 
-    At every candidate node the squared speed is the value there of a quadratic fitted to two
-    rings of neighbors, so that single nodes (the twelve of valence five) do not decide.
+    The squared speed is fitted by a polynomial of fourth degree around each of the fastest nodes,
+    and its maximum counts: it lies between the nodes, and single nodes do not decide.
     """
     v = retrograde_flow(model, state, flow)
     squares = np.einsum("vi,vi->v", v, v)
     fastest = _largest(squares, SEARCHED)
-    fitted = _fitted_values(model.mesh, state.r, flow.normals, squares, fastest)
-    return float(np.sqrt(max(0.0, fitted.max())))
+    mesh, r = model.mesh, state.r
+    maxima = _fitted_maxima(fastest, mesh.row_start, mesh.columns, r, flow.normals, squares)
+    return float(np.sqrt(max(0.0, maxima.max())))
 
 
 def c_front(model: Model, state: State, flow: Flow) -> float:
@@ -182,28 +188,151 @@ def _largest(values: Array, count: int) -> Index:
 
 
 @compiled
-def _two_rings(nodes, row_start, columns):  # type: ignore[no-untyped-def]
-    """Each node, its neighbors and theirs, in no order; short lists end with -1."""
-    most = 0
-    for i in nodes:
-        reached = 0
-        for j in columns[row_start[i] : row_start[i + 1]]:
-            reached += row_start[j + 1] - row_start[j]
-        most = max(most, reached)
-    patches = np.full((len(nodes), most), -1)
-    longest = 0
-    for n in range(len(nodes)):
-        length = 0
-        for j in columns[row_start[nodes[n]] : row_start[nodes[n] + 1]]:
-            for k in columns[row_start[j] : row_start[j + 1]]:
+def _patch(node, rings, row_start, columns):  # type: ignore[no-untyped-def]
+    """The node and `rings` rings of neighbors around it, nearest first."""
+    found = np.empty(len(row_start) - 1, np.int64)
+    found[0] = node
+    begin, end = 0, 1
+    for _ in range(rings):
+        length = end
+        for i in range(begin, end):
+            for j in columns[row_start[found[i]] : row_start[found[i] + 1]]:
                 known = 0
-                while known < length and patches[n, known] != k:
+                while known < length and found[known] != j:
                     known += 1
                 if known == length:
-                    patches[n, length] = k
+                    found[length] = j
                     length += 1
-        longest = max(longest, length)
-    return patches[:, :longest]
+        begin, end = end, length
+    return found[:end]
+
+
+@compiled
+def _plane(node, patch, r, normals):  # type: ignore[no-untyped-def]
+    """Coordinates (n, 2) of a patch in the tangent plane of its node, the farthest 1 away."""
+    normal = normals[node]
+    least = 0
+    for d in range(3):
+        if abs(normal[d]) < abs(normal[least]):
+            least = d
+    unit = np.zeros(3)
+    unit[least] = 1.0
+    first = np.cross(normal, unit)
+    first /= np.sqrt(np.sum(first * first))
+    second = np.cross(normal, first)
+    plane = np.empty((len(patch), 2))
+    farthest = 0.0
+    for i in range(len(patch)):
+        x = r[patch[i]] - r[node]
+        plane[i, 0], plane[i, 1] = np.sum(first * x), np.sum(second * x)
+        farthest = max(farthest, plane[i, 0] ** 2 + plane[i, 1] ** 2)
+    return plane / np.sqrt(farthest)
+
+
+@compiled
+def _polynomial(plane, values):  # type: ignore[no-untyped-def]
+    """Coefficients k[p, q] of sum k[p, q] x^p y^q of degree DEGREE, fitted with weights.
+
+    Gram-Schmidt from low powers up; a power that the nodes do not tell from the lower ones is left
+    out, so that few nodes give a fit of lower degree.
+    """
+    n, terms = len(plane), (DEGREE + 1) * (DEGREE + 2) // 2
+    basis, upper, share = np.zeros((terms, n)), np.zeros((terms, terms)), np.zeros(terms)
+    powers = np.empty((terms, 2), np.int64)
+    weights, rest, column = np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        weights[i] = np.exp(-(plane[i, 0] ** 2) - plane[i, 1] ** 2)
+        rest[i] = weights[i] * values[i]
+    t = 0
+    for degree in range(DEGREE + 1):
+        for q in range(degree + 1):
+            powers[t, 0], powers[t, 1] = degree - q, q
+            size, left = 0.0, 0.0
+            for i in range(n):
+                column[i] = weights[i]
+                for _ in range(degree - q):
+                    column[i] *= plane[i, 0]
+                for _ in range(q):
+                    column[i] *= plane[i, 1]
+                size += column[i] ** 2
+            for s in range(t):
+                for i in range(n):
+                    upper[s, t] += basis[s, i] * column[i]
+                for i in range(n):
+                    column[i] -= upper[s, t] * basis[s, i]
+            for i in range(n):
+                left += column[i] ** 2
+            if left > UNDETERMINED * size:
+                upper[t, t] = np.sqrt(left)
+                for i in range(n):
+                    basis[t, i] = column[i] / upper[t, t]
+                    share[t] += basis[t, i] * rest[i]
+                for i in range(n):
+                    rest[i] -= share[t] * basis[t, i]
+            t += 1
+    k = np.zeros((DEGREE + 1, DEGREE + 1))
+    for t in range(terms - 1, -1, -1):
+        if upper[t, t] > 0.0:
+            coefficient = share[t] / upper[t, t]
+            k[powers[t, 0], powers[t, 1]] = coefficient
+            for s in range(t):
+                share[s] -= upper[s, t] * coefficient
+    return k
+
+
+@compiled
+def _value_and_slopes(k, x, y):  # type: ignore[no-untyped-def]
+    """Value, first and second derivatives of a polynomial of degree DEGREE."""
+    f, fx, fy, fxx, fxy, fyy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for p in range(DEGREE, -1, -1):
+        g, gy, gyy = 0.0, 0.0, 0.0
+        for q in range(DEGREE - p, -1, -1):
+            gyy = gyy * y + 2.0 * gy
+            gy = gy * y + g
+            g = g * y + k[p, q]
+        fxx = fxx * x + 2.0 * fx
+        fxy = fxy * x + fy
+        fx = fx * x + f
+        f, fy, fyy = f * x + g, fy * x + gy, fyy * x + gyy
+    return f, fx, fy, fxx, fxy, fyy
+
+
+@compiled
+def _climbed(k):  # type: ignore[no-untyped-def]
+    """Largest value within REACH of the origin that Newton's method finds from there."""
+    x, y = 0.0, 0.0
+    best, fx, fy, fxx, fxy, fyy = _value_and_slopes(k, x, y)
+    for _ in range(MOST_CLIMBS):
+        # with curvatures of the sign of a maximum and not too small: a ring of maxima has one of 0
+        mean, half = 0.5 * (fxx + fyy), 0.5 * (fxx - fyy)
+        radius = np.sqrt(half * half + fxy * fxy)
+        one, two = abs(mean + radius), abs(mean - radius)
+        if max(one, two) == 0.0:
+            break
+        one, two = max(one, FLATTEST * two), max(two, FLATTEST * one)
+        angle = 0.5 * np.arctan2(fxy, half)
+        cos, sin = np.cos(angle), np.sin(angle)
+        along, across = (cos * fx + sin * fy) / one, (cos * fy - sin * fx) / two
+        to_x, to_y = x + cos * along - sin * across, y + sin * along + cos * across
+        distance = np.sqrt(to_x * to_x + to_y * to_y)
+        if distance > REACH:
+            to_x, to_y = REACH / distance * to_x, REACH / distance * to_y
+        f, gx, gy, gxx, gxy, gyy = _value_and_slopes(k, to_x, to_y)
+        if not f > best:
+            break
+        x, y, best, fx, fy, fxx, fxy, fyy = to_x, to_y, f, gx, gy, gxx, gxy, gyy
+    return best
+
+
+@compiled
+def _fitted_maxima(nodes, row_start, columns, r, normals, values):  # type: ignore[no-untyped-def]
+    """Maxima near `nodes` of the polynomials fitted to each and the rings around it."""
+    maxima = np.empty(len(nodes))
+    for n in range(len(nodes)):
+        patch = _patch(nodes[n], RINGS, row_start, columns)
+        plane = _plane(nodes[n], patch, r, normals)
+        maxima[n] = _climbed(_polynomial(plane, values[patch]))
+    return maxima
 
 
 def _in_tangent_plane(x: Array, normals: Array) -> Array:
@@ -218,29 +347,6 @@ def _in_tangent_plane(x: Array, normals: Array) -> Array:
 def _monomials(plane: Array) -> Array:
     x, y = plane[..., 0], plane[..., 1]
     return np.stack([x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=-1)
-
-
-def _fitted_values(
-    mesh: Connectivity, r: Array, normals: Array, values: Array, nodes: Index
-) -> Array:
-    """Values at `nodes` of the quadratics fitted to each and two rings of its neighbors."""
-    patches = _two_rings(nodes, mesh.row_start, mesh.columns)
-    # lists are filled up with equations 0 = 0
-    present = patches >= 0
-    x = (r[patches] - r[nodes, None, :]) * present[..., None]
-    basis = np.concatenate(
-        [present[..., None], _monomials(_in_tangent_plane(x, normals[nodes]))], axis=-1
-    )
-    wanted = (values[patches] * present)[..., None]
-    if basis.shape[1] >= basis.shape[2]:
-        q, upper = np.linalg.qr(basis)
-        size = np.abs(np.diagonal(upper, axis1=1, axis2=2))
-        if np.all(size.min(axis=1) > UNDETERMINED * size.max(axis=1)):
-            return np.linalg.solve(upper, q.transpose(0, 2, 1) @ wanted)[:, 0, 0]
-    # too few neighbors for a quadratic: the smallest one that fits
-    return np.array(
-        [np.linalg.lstsq(a, b, rcond=None)[0][0, 0] for a, b in zip(basis, wanted, strict=True)]
-    )
 
 
 def _refined_extremum(

@@ -17,6 +17,7 @@ from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import Geometry, geometry, scatter, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.operators import mass, product
 from amoeboid.surface.remeshing import remeshed
 from amoeboid.surface.stepping import (
     StepFailed,
@@ -33,6 +34,8 @@ Array = NDArray[np.float64]
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 # Relative change within 1 / model.rate that counts as none, slow turning left out.
 STEADY = 1e-5
+# Share of that turning which its gradients on a coarse mesh cannot tell from other changes.
+TURNING_ERROR = 0.1
 KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
@@ -217,8 +220,9 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     if STEADY <= rate < 100.0 * STEADY:
         change = np.concatenate([c_rate, r_rate])
-        still = change - _turning(model, x, g, state.c / c_scale, change)
-        rate = min(rate, float(np.abs(still).max() / model.rate))
+        turning = _turning(model, x, g, state.c / c_scale, change)
+        still = np.abs(change - turning).max() - TURNING_ERROR * np.abs(turning).max()
+        rate = min(rate, max(0.0, float(still / model.rate)))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate
@@ -234,6 +238,9 @@ def _turning(model: Model, x: Array, g: Geometry, c: Array, change: Array) -> Ar
     slopes = np.einsum("fa,fad->fd", c[faces], g.gradients) * g.face_areas[:, None] / 3.0
     gradient = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(x))
     gradient /= g.node_areas[:, None]
+    # a step of iteration with the mass matrix: such a mean around a node is too flat
+    blurred = [product(mass(g, model.mesh), model.mesh, x) for x in gradient.T]
+    gradient = 2.0 * gradient - np.transpose(blurred) / g.node_areas[:, None]
     motions = [np.cross(axis, x) for axis in np.eye(3)]
     columns = [
         np.concatenate(

@@ -16,13 +16,8 @@ from amoeboid.surface.explicit import (
     interpolated,
     lagrangian_rate,
 )
-from amoeboid.surface.force_balance import rigid_motions
-from amoeboid.surface.geometry import (
-    area_gradient,
-    geometry,
-    volume_gradient,
-    weighted_area_gradient,
-)
+from amoeboid.surface.force_balance import pressure_force, rigid_motions
+from amoeboid.surface.geometry import area_gradient, geometry, weighted_area_gradient
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.operators import block_matrix
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step
@@ -62,7 +57,7 @@ def test_flow_is_that_of_a_dense_solve_with_all_constraints():
     found, zeta0 = constrained_flow(model, state, g, v_p, 0.3, rng.normal(size=r.shape))
 
     per_area = area_gradient(g, mesh.faces)
-    force = p.delta_P * volume_gradient(r, mesh.faces)
+    force = p.delta_P * pressure_force(r, g, mesh.faces)
     force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
     K = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b), mesh).toarray()
     border = np.column_stack(
@@ -162,7 +157,7 @@ def test_steady_state_is_that_of_the_semi_implicit_scheme():
     # second order in h: the slow test finds a quarter of this on 642 nodes
     tolerances = {"max_retrograde_speed": 0.05, "c_front": 0.05, "c_rear": 0.1, "zeta0": 0.02}
     assert all(abs(differences[k]) < tolerance for k, tolerance in tolerances.items())
-    assert here["area_error"] < 1e-7
+    assert here["area_error"] < 2e-7
     assert here["mesh_quality"] > 0.95
     # the frame follows the cell, which crawls as far as in the other scheme
     assert np.linalg.norm(last.r - start.r, axis=1).max() < 0.01

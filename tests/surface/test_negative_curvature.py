@@ -125,7 +125,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     volumes = [reduced_volume(s.model, s.state, s.flow) for s in (first, step)]
     assert volumes[1] > volumes[0]
     ends = []
-    for count in (80, 160, 1280):
+    for count in (160, 320, 2560):
         history = (step.state,)
         for _ in range(count):
             state, flow = semi_implicit_step(model, history, 0.1 / count)
@@ -167,6 +167,8 @@ def steady_state(share, monkeypatch, delta_P=300.0):
     first = start(config)
     *_, last = evolve(first, config.time)
     assert last.steady
+    # one runs into its steady state sooner than the other, and the mesh settles slowly in it
+    *_, last = evolve(last, Time(end=150.0, stop_when_steady=False))
     return observed(last.model, last.state, last.flow)
 
 
@@ -198,6 +200,8 @@ def test_how_much_a_transient_knows_of_the_treatment(name, monkeypatch):
     assert np.ptp(volumes[:2]) < 0.005
     assert np.ptp(volumes) < 0.05
     if name == "sphere":
-        assert np.ptp(speeds) < 0.1 * speeds[0]
+        # the largest share damps the stretched mode by 9.9 %, on the finest of meshes, too
+        assert np.ptp(speeds) < 0.11 * speeds[0]
+        assert np.ptp(speeds[:2]) < 0.02 * speeds[0]
     else:
         assert speeds[0] > 1.1 * speeds[1] > 1.2 * speeds[2]

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from amoeboid.parameters import Parameters
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, scalar_matrix, stiffness
+from amoeboid.surface.operators import advection, mass, scalar_matrix, stiffness
 from amoeboid.surface.transport import (
     added_diffusion,
     diffusive_loss,
@@ -148,10 +148,16 @@ def test_rate_of_change_on_the_sphere_is_second_order(l):
     assert np.all(np.abs(orders - 2) < 0.2), (errors, orders)
 
 
-def test_turnover_alone_is_implicit_euler():
+def test_turnover_is_implicit_euler_with_its_exact_integral():
+    """Without flow: (m + dt (D L + beta M)) c = m c_before + dt beta M c0, densely."""
     r, mesh = lumpy()
-    p = Parameters(D=0, beta=2.0, c0=3.0)
-    g = geometry(r, mesh.faces)
+    p = Parameters(D=0.5, beta=2.0, c0=3.0)
+    g, dt = geometry(r, mesh.faces), 0.1
     c = np.random.default_rng(0).uniform(1, 5, len(r))
-    new = transported(Model(p, mesh), filaments(c, g), g, np.zeros_like(r), 0.1, c)
-    np.testing.assert_allclose(new, (c + 0.1 * 2.0 * 3.0) / (1 + 0.1 * 2.0), rtol=1e-13)
+    new = transported(Model(p, mesh), filaments(c, g), g, np.zeros_like(r), dt, c)
+    L, M = (scalar_matrix(f(g, mesh), mesh).toarray() for f in (stiffness, mass))
+    before = g.node_areas * c + dt * p.beta * M @ np.full(len(r), p.c0)
+    expected = np.linalg.solve(np.diag(g.node_areas) + dt * (p.D * L + p.beta * M), before)
+    np.testing.assert_allclose(new, expected, rtol=1e-11)
+    even = transported(Model(p, mesh), g.node_areas, g, np.zeros_like(r), dt, np.ones(len(r)))
+    np.testing.assert_allclose(even, (1 + dt * 2.0 * 3.0) / (1 + dt * 2.0), rtol=1e-12)

@@ -7,8 +7,9 @@ the Lagrangian balance dc/dt = -(div_s v) c + D lap_s c + beta (c0 - c); the adv
 beside the algorithm would count v.grad c twice. Then the nodes are moved back along the surface,
 and c is interpolated at their new places.
 
-Tension, pressure and elastic stress are the exact derivatives of the energy (SI `energy`), without
-the normal projection of `force_balance`. The stiff shape modes limit the step: to less than 1e-4 on
+Tension and elastic stress are the exact derivatives of the energy (SI `energy`), without the normal
+projection of `force_balance`; pressure is that of `force_balance`, so that both start from one
+equilibrium. The stiff shape modes limit the step: to less than 1e-4 on
 642 nodes at delta_P R0/(eta_s rate) = 300, in inverse proportion to delta_P and number of nodes.
 """
 
@@ -19,7 +20,7 @@ from numpy.typing import NDArray
 
 from amoeboid.numerics.conjugate_gradients import constrained_minimum
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.force_balance import rigid_motions
+from amoeboid.surface.force_balance import pressure_force, rigid_motions
 from amoeboid.surface.geometry import (
     Geometry,
     area,
@@ -28,7 +29,6 @@ from amoeboid.surface.geometry import (
     normal_part,
     scatter,
     volume_centroid,
-    volume_gradient,
     weighted_area_gradient,
 )
 from amoeboid.surface.model import Flow, Model, State
@@ -98,7 +98,7 @@ def constrained_flow(
     SI `forcebalance2`, with dA/dr.(v_c + v_p) = (A0 - A)/dt. Raises StepFailed.
     """
     p, mesh, r = model.parameters, model.mesh, state.r
-    force = p.delta_P * volume_gradient(r, mesh.faces)
+    force = p.delta_P * pressure_force(r, g, mesh.faces)
     if p.alpha > 0:
         force += weighted_area_gradient(g, mesh.faces, p.alpha * state.c[mesh.faces].mean(axis=1))
     per_area = area_gradient(g, mesh.faces)

@@ -12,9 +12,13 @@ acts on what the step moves the shape beyond where it was expected, and vanishes
 resistance to some changes of its shape. A small share of the viscosity that resists gradients of
 v.n keeps them finite. It vanishes in a steady state, where v.n = 0.
 
-*Normal tension.* Tension and pressure depend on the shape alone, so that moving nodes within the
-surface must do no work. The exact dA/dr of a polyhedron has a tangential part, a discretization
-error multiplied by the large zeta0, which would drive a parasitic flow; it is left out.
+*Normal tension, and pressure on the same areas.* Tension and pressure depend on the shape alone,
+so that moving nodes within the surface must do no work. The exact dA/dr of a polyhedron has a
+tangential part, a discretization error multiplied by the large zeta0, which would drive a parasitic
+flow; it is left out. Its normal part is the curvature times the dual area of the node, not a third
+of the triangles around it; a node of valence five has 15 % less of the latter. So pressure acts on
+dual areas as well: it then balances tension on a sphere exactly, and on other shapes no node of
+odd valence is pushed out of the surface.
 """
 
 from __future__ import annotations
@@ -31,8 +35,8 @@ from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
     normal_part,
+    volume,
     volume_centroid,
-    volume_gradient,
     weighted_area_gradient,
 )
 from amoeboid.surface.mesh import Index
@@ -143,7 +147,7 @@ def force_balance(
     """
     p, mesh = model.parameters, model.mesh
     v_p = p.v_p(c)[:, None] * g.normals
-    force = p.delta_P * volume_gradient(r, mesh.faces) - zeta0 * tension_force(r, g, mesh.faces)
+    force = p.delta_P * pressure_force(r, g, mesh.faces) - zeta0 * tension_force(r, g, mesh.faces)
     if p.alpha > 0:
         # the stress -alpha c I acts like a negative, uneven tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
@@ -224,11 +228,21 @@ def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
     return normal_force(area_gradient(g, faces), r, g)
 
 
-def normal_force(force: Array, r: Array, g: Geometry) -> Array:
-    """Node forces (V, 3) without their tangential part, net force and net torque still as given.
+def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
+    """Node forces of a unit of pressure (V, 3): along the normals, on the dual areas [L^2].
 
-    Net force and torque of `force` must vanish (those of any energy of the shape do); what the
-    projection adds to them is spread over the surface and taken off again.
+    Their size is such that a cell that grows in proportion does the work of its volume, so that
+    delta_P volume is two thirds of tension times area at rest.
+    """
+    force = normal_force(g.dual_areas[:, None] * g.normals, r, g)
+    return np.asarray(force * (3.0 * volume(r, faces) / np.vdot(force, r)))
+
+
+def normal_force(force: Array, r: Array, g: Geometry) -> Array:
+    """Node forces (V, 3) without their tangential part, net force and net torque.
+
+    Net force and torque of `force` must vanish (those of any energy of the shape do) up to the
+    error of the mesh; what the projection adds to them is spread over the surface and taken off.
     """
     about = r - g.node_areas @ r / g.area
     normal = normal_part(force, g.normals)

@@ -34,6 +34,25 @@ def _stiffness(areas, gradients, slots, n_slots):  # type: ignore[no-untyped-def
     return entries
 
 
+def mass(g: Geometry, mesh: Connectivity) -> Array:
+    """Entries of the mass matrix on the pattern of `mesh` (P,).
+
+    (M c)_i is the integral of phi_i c, exact for c linear on every triangle; rows and columns sum
+    to the node areas.
+    """
+    return _mass(g.face_areas, mesh.slots, len(mesh.columns))
+
+
+@compiled
+def _mass(areas, slots, n_slots):  # type: ignore[no-untyped-def]
+    entries = np.zeros(n_slots)
+    for f in range(areas.shape[0]):
+        for a in range(3):
+            for b in range(3):
+                entries[slots[f, a, b]] += areas[f] / (6.0 if a == b else 12.0)
+    return entries
+
+
 def tensile_stiffness(g: Geometry, mesh: Connectivity, stress: Array) -> Array:
     """Entries (P,) of the stiffness of normal motion under a tangential stress (F, 3, 3).
 

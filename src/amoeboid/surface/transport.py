@@ -1,8 +1,10 @@
 """Filament balance: dc/dt + div_s(v c) = D lap_s c + beta (c0 - c), on a mesh that moves.
 
-Conservative ALE form: with m the node areas and u the velocity of the filaments relative to the
-mesh, d(m c)/dt = C(u) c - D L c + beta m (c0 - c). The columns of C and L sum to zero: what leaves
-one node arrives at another, and with beta = 0 the total is kept to rounding. SI `cdot`.
+Conservative ALE form: with m the node areas, M the mass matrix (whose columns sum to m) and u the
+velocity of the filaments relative to the mesh, d(m c)/dt = C(u) c - D L c + beta M (c0 - c). The
+columns of C and L sum to zero: what leaves one node arrives at another, and with beta = 0 the total
+is kept to rounding. SI `cdot`. The areas lump the mass matrix at the nodes where c is stored, which
+a steady state does not see; turnover is integrated as exactly as the flow is.
 
 Where the rear peak is sharper than the mesh, this linear scheme alone would oscillate below
 zero. There (and only there, at local Peclet numbers above about two) just enough diffusion between
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import Geometry
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, product, stiffness
+from amoeboid.surface.operators import advection, mass, product, stiffness
 
 Array = NDArray[np.float64]
 
@@ -33,14 +35,21 @@ def transported(
     the filaments against the mesh; `c_ahead` (V,) >= 0: what c is expected to be, which decides
     on returned fluxes. The result is >= 0 to rounding. Raises SingularMatrix.
     """
-    p, mesh = model.parameters, model.mesh
-    entries = dt * (p.D * stiffness(g, mesh) - advection(g, mesh, relative_velocity))
+    p = model.parameters
+    entries = -dt * exchange(model, g, relative_velocity)
     added = added_diffusion(entries, model)
     given_back = returned_fluxes(added, c_ahead, filaments, model)
     entries -= added
-    entries[model.diagonal] += _sums(added, model) + g.node_areas * (1.0 + dt * p.beta)
+    entries[model.diagonal] += _sums(added, model) + g.node_areas
     gained = dt * p.beta * p.c0 * g.node_areas
     return model.scalar_solver.solve(entries, filaments + given_back + gained, guess=c_ahead)
+
+
+def exchange(model: Model, g: Geometry, velocity: Array) -> Array:
+    """Entries (P,) of C(velocity) - D L - beta M: what c makes nodes gain by flow and turnover."""
+    p, mesh = model.parameters, model.mesh
+    entries = advection(g, mesh, velocity) - p.D * stiffness(g, mesh)
+    return np.asarray(entries - p.beta * mass(g, mesh))
 
 
 def added_diffusion(entries: Array, model: Model) -> Array:
@@ -116,10 +125,10 @@ def rate_of_change(model: Model, c: Array, g: Geometry, velocity: Array) -> Arra
     however the mesh drifts within the surface.
     """
     p, mesh = model.parameters, model.mesh
-    exchange = advection(g, mesh, velocity) - p.D * stiffness(g, mesh)
-    added = added_diffusion(-exchange, model)
+    entries = exchange(model, g, velocity)
+    added = added_diffusion(-entries, model)
     kept = returned_fluxes(added, c, np.full_like(c, np.inf), model) - diffusive_loss(
         added, c, model
     )
-    gain = product(exchange, mesh, c) + kept
-    return np.asarray(gain / g.node_areas + p.beta * (p.c0 - c))
+    gain = product(entries, mesh, c) + kept
+    return np.asarray(gain / g.node_areas + p.beta * p.c0)
