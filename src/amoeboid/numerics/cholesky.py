@@ -28,7 +28,7 @@ from amoeboid.numerics.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.tiles import COLUMNS, ROWS, TILES, address, cholesky, dots, scatter, subtract
+from amoeboid.numerics.tiles import COLUMNS, ROWS, address, cholesky, dots, scatter, subtract
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -148,7 +148,7 @@ def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[
     Number t, j of c, of tile t and column j, is t cv + j cc after the address c; the diagonal is at
     row `row` + j. Of the k columns of the panel the first `depth` count.
     """
-    together = max(TILES, CACHED // (ROWS * depth))
+    together = max(1, CACHED // (ROWS * depth))
     for low in range(row >> 3, tiles, together):
         high = min(tiles, low + together)
         for j in range(0, columns, COLUMNS):

@@ -31,7 +31,8 @@ def dissected(row_start: Index, columns: Index, most: int) -> tuple[Index, Index
     ancestors. Parents follow their children, and the descendants of a piece come right before it;
     the parent of a root is -1.
     """
-    order, ends, parents, found = _dissected(row_start, columns, most)
+    order = np.arange(len(row_start) - 1)
+    ends, parents, found = _dissected(row_start, columns, most, order)
     ends, parents = ends[:found], parents[:found]
     by_place = np.argsort(ends[:, 1], kind="stable")
     place = np.empty(len(by_place) + 1, dtype=np.int64)
@@ -42,9 +43,9 @@ def dissected(row_start: Index, columns: Index, most: int) -> tuple[Index, Index
 
 
 @compiled
-def _dissected(row_start, columns, most):  # type: ignore[no-untyped-def]
-    n = len(row_start) - 1
-    order = np.arange(n)
+def _dissected(row_start, columns, most, order):  # type: ignore[no-untyped-def]
+    """Sort `order`; where pieces begin and end in it, and their parents, as they are found."""
+    n = len(order)
     piece, level = np.zeros(n, np.int64), np.zeros(n, np.int64)
     queue, side = np.empty(n, np.int64), np.zeros(n, np.int64)
     ends, parents = np.empty((n, 2), np.int64), np.empty(n, np.int64)
@@ -72,7 +73,7 @@ def _dissected(row_start, columns, most):  # type: ignore[no-untyped-def]
         if cut > left:
             waiting[top, 0], waiting[top, 1], waiting[top, 2] = left, cut, parent
             top += 1
-    return order, ends, parents, found
+    return ends, parents, found
 
 
 @compiled

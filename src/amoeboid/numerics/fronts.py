@@ -75,8 +75,9 @@ def _boundaries(row_start, columns, order, new, first, parent):  # type: ignore[
     count = len(parent)
     bounds = np.zeros(count + 1, np.int64)
     found = np.empty(8 * len(order), np.int64)
-    seen = np.full(len(order), -1)
-    child, sibling = np.full(count, -1), np.full(count, -1)
+    # numbers of fronts plus one
+    seen = np.zeros(len(order), np.int64)
+    child, sibling = np.zeros(count, np.int64), np.zeros(count, np.int64)
     total = 0
     for f in range(count):
         end = first[f + 1]
@@ -89,19 +90,19 @@ def _boundaries(row_start, columns, order, new, first, parent):  # type: ignore[
             v = order[k]
             for p in range(row_start[v], row_start[v + 1]):
                 w = new[columns[p]]
-                if w >= end and seen[w] != f:
-                    seen[w] = f
+                if w >= end and seen[w] != f + 1:
+                    seen[w] = f + 1
                     found[total] = w
                     total += 1
         c = child[f]
-        while c >= 0:
-            for k in range(bounds[c], bounds[c + 1]):
+        while c > 0:
+            for k in range(bounds[c - 1], bounds[c]):
                 w = found[k]
-                if w >= end and seen[w] != f:
-                    seen[w] = f
+                if w >= end and seen[w] != f + 1:
+                    seen[w] = f + 1
                     found[total] = w
                     total += 1
-            c = sibling[c]
+            c = sibling[c - 1]
         for k in range(bounds[f] + 1, total):  # nearly in order
             w, m = found[k], k
             while m > bounds[f] and found[m - 1] > w:
@@ -110,7 +111,7 @@ def _boundaries(row_start, columns, order, new, first, parent):  # type: ignore[
             found[m] = w
         bounds[f + 1] = total
         if parent[f] >= 0:
-            sibling[f], child[parent[f]] = child[parent[f]], f
+            sibling[f], child[parent[f]] = child[parent[f]], f + 1
     return bounds, found
 
 

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -21,9 +20,8 @@ from numba.extending import intrinsic
 from amoeboid.numerics.compiled import compiled
 
 ROWS = 8
-# Tiles that one product takes at a time: their sums must fit into the registers.
-TILES = 3 if llvm.get_host_cpu_features().get("avx512f") else 1
-# Columns that one product takes at a time; a node has three unknowns.
+# Columns that one product takes at a time: its sums fit into the registers of AVX2, and as many of
+# them hide the time that one takes. A node has three unknowns.
 COLUMNS = 6
 
 _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
@@ -115,43 +113,35 @@ def _word(value: int) -> Any:
     return ir.Constant(_WORD, value)
 
 
-def product(tiles: int, columns: int) -> Callable[..., None]:
-    """Compiled function (c, cv, cc, a, b, row, width, depth): c -= a b^T.
+def product(columns: int) -> Callable[..., None]:
+    """Compiled function (c, cc, a, b, row, width, depth): c -= a b^T.
 
-    a: address of `tiles` tiles of a panel of `width` columns; b: that of a panel of the same width,
-    of which `columns` rows from `row` on count; of both the first `depth` columns. c: address of
-    numbers in tiles cv apart, columns cc apart.
+    a: address of a tile of a panel of `width` columns; b: that of a panel of the same width, of
+    which `columns` rows from `row` on count; of both the first `depth` columns. c: address of a
+    tile with columns cc apart.
     """
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        c, cv, cc, a, b, row, width, depth = args
+        c, cc, a, b, row, width, depth = args
         e = _Emitter(builder, c, a, b)
-        places = [
-            [e.plus(e.plus(_word(0), t, cv), j, cc) for j in range(columns)] for t in range(tiles)
-        ]
-        kept = [[cgutils.alloca_once(builder, _VECTOR) for _ in line] for line in places]
-        for line, sums in zip(places, kept, strict=True):
-            for place, total in zip(line, sums, strict=True):
-                builder.store(e.load(0, place), total)
-        stride = builder.mul(width, _word(ROWS))
-        rows_b = [e.in_tiles(builder.add(row, _word(j)), width) for j in range(columns)]
-        rows_a = [builder.mul(_word(t), stride) for t in range(tiles)]
+        places = [builder.mul(_word(j), cc) for j in range(columns)]
+        kept = [cgutils.alloca_once(builder, _VECTOR) for _ in places]
+        for place, total in zip(places, kept, strict=True):
+            builder.store(e.load(0, place), total)
+        rows = [e.in_tiles(builder.add(row, _word(j)), width) for j in range(columns)]
         with cgutils.for_range(builder, depth) as loop:
             along = builder.mul(loop.index, _word(ROWS))
-            left = [e.load(1, builder.add(place, along)) for place in rows_a]
-            for j, place in enumerate(rows_b):
+            left = e.load(1, along)
+            for place, total in zip(rows, kept, strict=True):
                 right = e.spread(e.number(2, builder.add(place, along)))
-                for t in range(tiles):
-                    total = builder.load(kept[t][j])
-                    builder.store(e.less_product(total, left[t], right), kept[t][j])
-        for line, sums in zip(places, kept, strict=True):
-            for place, total in zip(line, sums, strict=True):
-                e.store(builder.load(total), 0, place)
+                builder.store(e.less_product(builder.load(total), left, right), total)
+        for place, total in zip(places, kept, strict=True):
+            e.store(builder.load(total), 0, place)
         return context.get_dummy_value()
 
     @intrinsic
-    def kernel(typingctx, c, cv, cc, a, b, row, width, depth):  # type: ignore[no-untyped-def]
-        return types.void(*[types.int64] * 8), emit
+    def kernel(typingctx, c, cc, a, b, row, width, depth):  # type: ignore[no-untyped-def]
+        return types.void(*[types.int64] * 7), emit
 
     return kernel
 
@@ -311,32 +301,24 @@ def scatter(typingctx, target, index, source, first, last):  # type: ignore[no-u
     return types.void(*[types.int64] * 5), emit
 
 
-_products = [(product(TILES, n), product(1, n)) for n in (1, 3, 4, 6)]
-(_wide_1, _one_1), (_wide_3, _one_3), (_wide_4, _one_4), (_wide_6, _one_6) = _products
+_product_1, _product_3, _product_4, _product_6 = (product(n) for n in (1, 3, 4, 6))
 
 
 @compiled
 def subtract(c, cv, cc, a, b, row, width, depth, first, last, columns):  # type: ignore[no-untyped-def]
-    """c -= a b^T, see `product`, for tiles first ... last - 1 of a and c; columns: 1, 3, 4 or 6."""
-    t, step, stride = first, 8 * cv, 8 * ROWS * width
+    """c -= a b^T, see `product`, for tiles first ... last - 1 of a panel a, and of c, cv apart.
+
+    There are kernels for 1, 3, 4 and 6 columns.
+    """
+    step, stride = 8 * cv, 8 * ROWS * width
     c1, a1 = c + first * step, a + first * stride
-    while t + TILES <= last:
+    for _ in range(first, last):
         if columns == 6:
-            _wide_6(c1, cv, cc, a1, b, row, width, depth)
+            _product_6(c1, cc, a1, b, row, width, depth)
         elif columns == 3:
-            _wide_3(c1, cv, cc, a1, b, row, width, depth)
+            _product_3(c1, cc, a1, b, row, width, depth)
         elif columns == 4:
-            _wide_4(c1, cv, cc, a1, b, row, width, depth)
+            _product_4(c1, cc, a1, b, row, width, depth)
         else:
-            _wide_1(c1, cv, cc, a1, b, row, width, depth)
-        t, c1, a1 = t + TILES, c1 + TILES * step, a1 + TILES * stride
-    while t < last:
-        if columns == 6:
-            _one_6(c1, cv, cc, a1, b, row, width, depth)
-        elif columns == 3:
-            _one_3(c1, cv, cc, a1, b, row, width, depth)
-        elif columns == 4:
-            _one_4(c1, cv, cc, a1, b, row, width, depth)
-        else:
-            _one_1(c1, cv, cc, a1, b, row, width, depth)
-        t, c1, a1 = t + 1, c1 + step, a1 + stride
+            _product_1(c1, cc, a1, b, row, width, depth)
+        c1, a1 = c1 + step, a1 + stride
