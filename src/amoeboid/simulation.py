@@ -221,8 +221,9 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     if STEADY <= rate < 100.0 * STEADY:
         change = np.concatenate([c_rate, r_rate])
         turning = _turning(model, x, g, state.c / c_scale, change)
-        still = np.abs(change - turning).max() - TURNING_ERROR * np.abs(turning).max()
-        rate = min(rate, max(0.0, float(still / model.rate)))
+        still = float(np.abs(change - turning).max() / model.rate)
+        unclear = TURNING_ERROR * float(np.abs(turning).max() / model.rate)
+        rate = min(rate, max(still - unclear, min(still, 0.5 * STEADY)))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate

@@ -52,9 +52,10 @@ from amoeboid.surface.operators import (
 
 Array = NDArray[np.float64]
 
-# Rigid modes have no stiffness; this share of the viscous one makes the matrix regular. The
-# constraints on translation and rotation then decide on these modes.
-REGULARIZATION = 1e-8
+# Rigid modes have no stiffness; a friction with this share of the viscosity, spread over an area
+# R0^2, makes the matrix regular. The constraints on translation and rotation then decide on these
+# modes. A share for every node would add up to a drag that grows with their number.
+REGULARIZATION = 1e-7
 # Share of eta_s + eta_b that resists gradients of v.n: see above.
 NORMAL_VISCOSITY = 1e-3
 
@@ -115,7 +116,7 @@ def cortex(
     damping = normal_projection(even, g.normals, mesh)
     matrix = normal_blocks(damping + dt * tension, g.normals, mesh)
     matrix += dissipation
-    shift = REGULARIZATION * viscosity * g.node_areas / g.node_areas.mean()
+    shift = REGULARIZATION * viscosity * g.node_areas / p.R0**2
     np.einsum("pii->pi", matrix)[model.diagonal] += shift[:, None]
     factor = model.vector_solver.factor(matrix)
     kept = constraints(r, g, mesh.faces)
