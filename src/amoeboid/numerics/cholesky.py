@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.numerics.fronts import (
     BOUNDARY,
     CHILD,
@@ -103,7 +103,7 @@ def _factorized(entries, table, down, across, blocks, children, panels, updates)
     return True
 
 
-@compiled
+@nested
 def _extend(table, child, down, across, updates, panel, update, leading):  # type: ignore[no-untyped-def]
     """Add the update of a child to panel and update of its parent, at these addresses."""
     r, inside, begin = table[child, BOUNDARY], table[child, INSIDE], table[child, LIST]
@@ -117,7 +117,7 @@ def _extend(table, child, down, across, updates, panel, update, leading):  # typ
             scatter(update + 8 * column * leading, to_update, source, j, r)
 
 
-@compiled
+@nested
 def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
     """Eliminate the k pivots of a panel; whether it is positive definite."""
     for begin in range(0, k, BLOCK):
@@ -141,7 +141,7 @@ def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@nested
 def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[no-untyped-def]
     """c -= (rows of the panel) (its rows from `row`)^T, on and below the diagonal, tile by tile.
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from amoeboid.numerics.banded import Array, GeneralBand, Index, SingularMatrix
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.numerics.fronts import (
     BOUNDARY,
     CHILD,
@@ -159,7 +159,7 @@ def _factorized(entries, transposed, table, down, across, places, children, lowe
     return True
 
 
-@compiled
+@nested
 def _width(left):  # type: ignore[no-untyped-def]
     """The widest product for `left` columns."""
     if left >= 6:
@@ -167,7 +167,7 @@ def _width(left):  # type: ignore[no-untyped-def]
     return 3 if left >= 3 else 1
 
 
-@compiled
+@nested
 def _extend(table, child, down, across, updates, left, right, update, leading):  # type: ignore[no-untyped-def]
     """Add the update of a child to panels and update of its parent, at these addresses."""
     r, inside, begin = table[child, BOUNDARY], table[child, INSIDE], table[child, LIST]
@@ -182,7 +182,7 @@ def _extend(table, child, down, across, updates, left, right, update, leading): 
             scatter(update + 8 * column * leading, to_update, source, inside, r)
 
 
-@compiled
+@nested
 def _eliminated(left, right, k, tiles):  # type: ignore[no-untyped-def]
     """Eliminate the k pivots of a front; whether all are positive and finite."""
     j = 0

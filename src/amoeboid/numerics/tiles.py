@@ -17,7 +17,7 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import nested
 
 ROWS = 8
 # Columns that one product takes at a time: its sums fit into the registers of AVX2, and as many of
@@ -304,7 +304,7 @@ def scatter(typingctx, target, index, source, first, last):  # type: ignore[no-u
 _product_1, _product_3, _product_4, _product_6 = (product(n) for n in (1, 3, 4, 6))
 
 
-@compiled
+@nested
 def subtract(c, cv, cc, a, b, row, width, depth, first, last, columns):  # type: ignore[no-untyped-def]
     """c -= a b^T, see `product`, for tiles first ... last - 1 of a panel a, and of c, cv apart.
 
