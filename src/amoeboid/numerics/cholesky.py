@@ -28,7 +28,17 @@ from amoeboid.numerics.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.tiles import COLUMNS, ROWS, address, cholesky, dots, scatter, subtract
+from amoeboid.numerics.tiles import (
+    COLUMNS,
+    NONE,
+    ROWS,
+    TILE,
+    address,
+    cholesky,
+    dots,
+    scatter,
+    subtract,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -99,7 +109,7 @@ def _factorized(entries, table, down, across, blocks, children, panels, updates)
         if not _eliminated(panel, k, tiles):
             return False
         origin = update - 8 * ROWS * first
-        _subtract(origin, ROWS, long, panel, k, k, ROWS * first, r, tiles)
+        _subtract(origin, TILE, long, panel, k, k, ROWS * first, r, tiles)
     return True
 
 
@@ -124,13 +134,13 @@ def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
         end = min(k, begin + BLOCK)
         if begin > 0:
             column = panel + 8 * ROWS * begin
-            _subtract(column, ROWS * k, ROWS, panel, k, begin, begin, end - begin, tiles)
+            _subtract(column, ROWS * k, TILE, panel, k, begin, begin, end - begin, tiles)
         recent = panel + 8 * ROWS * begin
         for j in range(begin, end, COLUMNS):
             wide, column = min(COLUMNS, end - j), panel + 8 * ROWS * j
             if j > begin:
                 subtract(
-                    column, ROWS * k, ROWS, recent, recent, j, k, j - begin, j >> 3, tiles, wide
+                    column, ROWS * k, TILE, recent, recent, j, k, j - begin, j >> 3, tiles, wide
                 )
             if wide == COLUMNS:
                 sound = _cholesky_6(panel, j, k, tiles)
@@ -172,7 +182,7 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
                 local[v * long + j] = x[v * n + x0 + j]
         for t in range(first):
             place, row = l0 + t * ROWS * k, t * ROWS
-            subtract(mine, ROWS, long, panel, known, 0, k, row, t, t + 1, vectors)
+            subtract(mine, TILE, long, panel, known, NONE, k, row, t, t + 1, vectors)
             for j in range(row, min(row + ROWS, k)):
                 for v in range(vectors):
                     at = v * long + row
@@ -181,7 +191,7 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
                     x[v * n + x0 + j] = y
                     for i in range(ROWS):
                         local[at + i] -= panels[place + ROWS * j + i] * y
-        subtract(mine, ROWS, long, panel, known, 0, k, k, first, tiles, vectors)
+        subtract(mine, TILE, long, panel, known, NONE, k, k, first, tiles, vectors)
         for v in range(vectors):
             at = v * long + first * ROWS
             for i in range(r):

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
@@ -23,6 +24,8 @@ ROWS = 8
 # Columns that one product takes at a time: its sums fit into the registers of AVX2, and as many of
 # them hide the time that one takes. A node has three unknowns.
 COLUMNS = 6
+# As arguments for `subtract`, which would be compiled once more for every constant of Python.
+TILE, NONE = np.int64(ROWS), np.int64(0)
 
 _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
 _VECTOR = ir.VectorType(_DOUBLE, ROWS)
