@@ -167,8 +167,13 @@ def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[
 
 
 @compiled
-def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
-    n = len(x) // vectors
+def _forward(table, order, boundary, panels, b, begin, vectors, x, local, solved):  # type: ignore[no-untyped-def]
+    """x, in order of elimination: the columns of b from `begin` on, with L divided out."""
+    n = len(b)
+    for v in range(min(vectors, b.shape[1] - begin)):
+        for i in range(len(order)):
+            for d in range(SIZE):
+                x[v * n + SIZE * i + d] = b[SIZE * order[i] + d, begin + v]
     mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
@@ -199,8 +204,9 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
 
 
 @compiled
-def _backward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
-    n = len(x) // vectors
+def _backward(table, order, boundary, panels, x, vectors, local, solved, begin, out):  # type: ignore[no-untyped-def]
+    """Divide x by the transposed L; the columns of `out` from `begin` on become the solution."""
+    n = len(out)
     mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 2, -1, -1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
@@ -232,23 +238,7 @@ def _backward(table, boundary, panels, x, vectors, local, solved):  # type: igno
                     y *= panels[l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * row]
                     local[v * long + row] = y
                     x[v * n + x0 + row] = y
-
-
-@compiled
-def _solve(table, order, boundary, panels, b, begin, vectors, out):  # type: ignore[no-untyped-def]
-    n = len(b)
-    count = min(vectors, b.shape[1] - begin)
-    x, long = np.zeros(vectors * n), 0
-    for v in range(count):
-        for i in range(len(order)):
-            for d in range(SIZE):
-                x[v * n + SIZE * i + d] = b[SIZE * order[i] + d, begin + v]
-    for f in range(len(table) - 1):
-        long = max(long, table[f, PIVOTS] + ROWS + table[f, LEADING])
-    local, solved = np.empty(vectors * long), np.empty(ROWS * long)
-    _forward(table, boundary, panels, x, vectors, local, solved)
-    _backward(table, boundary, panels, x, vectors, local, solved)
-    for v in range(count):
+    for v in range(min(vectors, out.shape[1] - begin)):
         for i in range(len(order)):
             for d in range(SIZE):
                 out[SIZE * order[i] + d, begin + v] = x[v * n + SIZE * i + d]
@@ -264,8 +254,12 @@ class CholeskyFactor:
         """Solution x of A x = b; b (n,) or (n, k)."""
         f = self._fronts
         rhs = np.ascontiguousarray(b, dtype=float).reshape(len(b), -1)
-        x = np.empty(rhs.shape)
+        out = np.empty(rhs.shape)
         for begin in range(0, rhs.shape[1], VECTORS):
             vectors = 1 if rhs.shape[1] - begin == 1 else VECTORS
-            _solve(f.table, f.order, f.boundary, self._panels, rhs, begin, vectors, x)
-        return x.reshape(b.shape)
+            x = np.zeros(vectors * len(b))
+            local, solved = np.empty(vectors * f.longest), np.empty(ROWS * f.longest)
+            system = f.table, f.order, f.boundary, self._panels
+            _forward(*system, rhs, begin, vectors, x, local, solved)
+            _backward(*system, x, vectors, local, solved, begin, out)
+        return out.reshape(b.shape)

@@ -68,9 +68,7 @@ class DominatedByDiagonal:
 
     @cached_property
     def _local(self) -> Array:
-        """Room for the pivots and the boundary of any front, in whole tiles."""
-        table = self._fronts.table
-        return np.empty(np.max(table[:, PIVOTS] + ROWS + table[:, LEADING]))
+        return np.empty(self._fronts.longest)
 
     @cached_property
     def _direct(self) -> GeneralBand:

@@ -9,6 +9,7 @@ the boundary, the update, is added to the front of the parent.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,11 @@ class Fronts:
     children: Index
     panels: int
     updates: int
+
+    @cached_property
+    def longest(self) -> int:
+        """Rows of the longest front, or a little more: pivots and boundary in whole tiles."""
+        return int(np.max(self.table[:, PIVOTS] + ROWS + self.table[:, LEADING]))
 
 
 def fronts(row_start: Index, columns: Index, size: int, most: int) -> Fronts:
