@@ -160,7 +160,7 @@ class _Rows:
     bounds: Index
     keys: Index
 
-    def of(self, front: Index, node: Index) -> tuple[Index, Index, Index]:
+    def of(self, front: Index, node: Index) -> tuple[Index, NDArray[np.bool_], Index]:
         """First row of each node in its front, whether it is a pivot, first row of a boundary."""
         inside = node < self.first[front + 1]
         high = (self.pivots[front] + ROWS - 1) & -ROWS
