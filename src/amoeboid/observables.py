@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.surface import geometry
 from amoeboid.surface.geometry import area, node_areas, volume, volume_centroid
 from amoeboid.surface.mesh import Connectivity
@@ -187,62 +187,63 @@ def _largest(values: Array, count: int) -> Index:
     return nodes[np.argsort(-values[nodes], kind="stable")][:count]
 
 
-@compiled
-def _patch(node, rings, row_start, columns):  # type: ignore[no-untyped-def]
-    """The node and `rings` rings of neighbors around it, nearest first."""
-    found = np.empty(len(row_start) - 1, np.int64)
-    found[0] = node
+@nested
+def _patch(rings, row_start, columns, found):  # type: ignore[no-untyped-def]
+    """Append to the node found[0] `rings` rings of neighbors, nearest first; how many nodes."""
     begin, end = 0, 1
     for _ in range(rings):
         length = end
         for i in range(begin, end):
-            for j in columns[row_start[found[i]] : row_start[found[i] + 1]]:
+            for k in range(row_start[found[i]], row_start[found[i] + 1]):
                 known = 0
-                while known < length and found[known] != j:
+                while known < length and found[known] != columns[k]:
                     known += 1
                 if known == length:
-                    found[length] = j
+                    found[length] = columns[k]
                     length += 1
         begin, end = end, length
-    return found[:end]
+    return end
 
 
-@compiled
-def _plane(node, patch, r, normals):  # type: ignore[no-untyped-def]
+@nested
+def _plane(patch, size, r, normals, plane):  # type: ignore[no-untyped-def]
     """Coordinates (n, 2) of a patch in the tangent plane of its node, the farthest 1 away."""
-    normal = normals[node]
-    least = 0
+    node, least = patch[0], 0
     for d in range(3):
-        if abs(normal[d]) < abs(normal[least]):
+        if abs(normals[node, d]) < abs(normals[node, least]):
             least = d
-    unit = np.zeros(3)
-    unit[least] = 1.0
-    first = np.cross(normal, unit)
-    first /= np.sqrt(np.sum(first * first))
-    second = np.cross(normal, first)
-    plane = np.empty((len(patch), 2))
+    # along the product of the normal and the axis that is farthest from it, and across
+    up, p, q = normals[node, least], (least + 1) % 3, (least + 2) % 3
+    length = np.sqrt(normals[node, p] ** 2 + normals[node, q] ** 2)
+    first_p, first_q = normals[node, q] / length, -normals[node, p] / length
+    second_p, second_q = -up * first_q, up * first_p
+    second = normals[node, p] * first_q - normals[node, q] * first_p
     farthest = 0.0
-    for i in range(len(patch)):
-        x = r[patch[i]] - r[node]
-        plane[i, 0], plane[i, 1] = np.sum(first * x), np.sum(second * x)
+    for i in range(size):
+        a, b = r[patch[i], p] - r[node, p], r[patch[i], q] - r[node, q]
+        c = r[patch[i], least] - r[node, least]
+        plane[i, 0] = first_p * a + first_q * b
+        plane[i, 1] = second * c + second_p * a + second_q * b
         farthest = max(farthest, plane[i, 0] ** 2 + plane[i, 1] ** 2)
-    return plane / np.sqrt(farthest)
+    farthest = np.sqrt(farthest)
+    for i in range(size):
+        plane[i, 0], plane[i, 1] = plane[i, 0] / farthest, plane[i, 1] / farthest
 
 
-@compiled
-def _polynomial(plane, values):  # type: ignore[no-untyped-def]
+@nested
+def _polynomial(patch, n, plane, values):  # type: ignore[no-untyped-def]
     """Coefficients k[p, q] of sum k[p, q] x^p y^q of degree DEGREE, fitted with weights.
 
     Gram-Schmidt from low powers up; a power that the nodes do not tell from the lower ones is left
     out, so that few nodes give a fit of lower degree.
     """
-    n, terms = len(plane), (DEGREE + 1) * (DEGREE + 2) // 2
+    terms = (DEGREE + 1) * (DEGREE + 2) // 2
     basis, upper, share = np.zeros((terms, n)), np.zeros((terms, terms)), np.zeros(terms)
     powers = np.empty((terms, 2), np.int64)
     weights, rest, column = np.empty(n), np.empty(n), np.empty(n)
     for i in range(n):
         weights[i] = np.exp(-(plane[i, 0] ** 2) - plane[i, 1] ** 2)
-        rest[i] = weights[i] * values[i]
+        rest[i] = weights[i] * values[patch[i]]
     t = 0
     for degree in range(DEGREE + 1):
         for q in range(degree + 1):
@@ -280,7 +281,7 @@ def _polynomial(plane, values):  # type: ignore[no-untyped-def]
     return k
 
 
-@compiled
+@nested
 def _value_and_slopes(k, x, y):  # type: ignore[no-untyped-def]
     """Value, first and second derivatives of a polynomial of degree DEGREE."""
     f, fx, fy, fxx, fxy, fyy = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -297,7 +298,7 @@ def _value_and_slopes(k, x, y):  # type: ignore[no-untyped-def]
     return f, fx, fy, fxx, fxy, fyy
 
 
-@compiled
+@nested
 def _climbed(k):  # type: ignore[no-untyped-def]
     """Largest value within REACH of the origin that Newton's method finds from there."""
     x, y = 0.0, 0.0
@@ -328,10 +329,12 @@ def _climbed(k):  # type: ignore[no-untyped-def]
 def _fitted_maxima(nodes, row_start, columns, r, normals, values):  # type: ignore[no-untyped-def]
     """Maxima near `nodes` of the polynomials fitted to each and the rings around it."""
     maxima = np.empty(len(nodes))
+    patch, plane = np.empty(len(values), np.int64), np.empty((len(values), 2))
     for n in range(len(nodes)):
-        patch = _patch(nodes[n], RINGS, row_start, columns)
-        plane = _plane(nodes[n], patch, r, normals)
-        maxima[n] = _climbed(_polynomial(plane, values[patch]))
+        patch[0] = nodes[n]
+        size = _patch(RINGS, row_start, columns, patch)
+        _plane(patch, size, r, normals, plane)
+        maxima[n] = _climbed(_polynomial(patch, size, plane, values))
     return maxima
 
 

@@ -221,7 +221,7 @@ blocks = np.einsum("p,ij->pij", 20.0 * (mesh.rows == mesh.columns) - 1.0, np.eye
 factor = cholesky.BlockCholesky(mesh.row_start, mesh.columns).factor(blocks)
 x = factor.solve(np.ones(3 * mesh.n_nodes))
 assert np.allclose(factor.solve(np.ones((3 * mesh.n_nodes, 2)))[:, 1], x, rtol=0, atol=0)
-stats = [k.stats for k in (cholesky._factorized, cholesky._solve, dissection._dissected)]
+stats = [k.stats for k in (cholesky._factorized, cholesky._forward, dissection._dissected)]
 print(sum(sum(s.cache_hits.values()) for s in stats), repr(x.tobytes()))
 """
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.numerics.fronts import (
     BOUNDARY,
     CHILD,
@@ -28,7 +28,17 @@ from amoeboid.numerics.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.tiles import COLUMNS, ROWS, address, cholesky, dots, scatter, subtract
+from amoeboid.numerics.tiles import (
+    COLUMNS,
+    NONE,
+    ROWS,
+    TILE,
+    address,
+    cholesky,
+    dots,
+    scatter,
+    subtract,
+)
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -99,11 +109,11 @@ def _factorized(entries, table, down, across, blocks, children, panels, updates)
         if not _eliminated(panel, k, tiles):
             return False
         origin = update - 8 * ROWS * first
-        _subtract(origin, ROWS, long, panel, k, k, ROWS * first, r, tiles)
+        _subtract(origin, TILE, long, panel, k, k, ROWS * first, r, tiles)
     return True
 
 
-@compiled
+@nested
 def _extend(table, child, down, across, updates, panel, update, leading):  # type: ignore[no-untyped-def]
     """Add the update of a child to panel and update of its parent, at these addresses."""
     r, inside, begin = table[child, BOUNDARY], table[child, INSIDE], table[child, LIST]
@@ -117,20 +127,20 @@ def _extend(table, child, down, across, updates, panel, update, leading):  # typ
             scatter(update + 8 * column * leading, to_update, source, j, r)
 
 
-@compiled
+@nested
 def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
     """Eliminate the k pivots of a panel; whether it is positive definite."""
     for begin in range(0, k, BLOCK):
         end = min(k, begin + BLOCK)
         if begin > 0:
             column = panel + 8 * ROWS * begin
-            _subtract(column, ROWS * k, ROWS, panel, k, begin, begin, end - begin, tiles)
+            _subtract(column, ROWS * k, TILE, panel, k, begin, begin, end - begin, tiles)
         recent = panel + 8 * ROWS * begin
         for j in range(begin, end, COLUMNS):
             wide, column = min(COLUMNS, end - j), panel + 8 * ROWS * j
             if j > begin:
                 subtract(
-                    column, ROWS * k, ROWS, recent, recent, j, k, j - begin, j >> 3, tiles, wide
+                    column, ROWS * k, TILE, recent, recent, j, k, j - begin, j >> 3, tiles, wide
                 )
             if wide == COLUMNS:
                 sound = _cholesky_6(panel, j, k, tiles)
@@ -141,7 +151,7 @@ def _eliminated(panel, k, tiles):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@nested
 def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[no-untyped-def]
     """c -= (rows of the panel) (its rows from `row`)^T, on and below the diagonal, tile by tile.
 
@@ -157,8 +167,13 @@ def _subtract(c, cv, cc, panel, k, depth, row, columns, tiles):  # type: ignore[
 
 
 @compiled
-def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
-    n = len(x) // vectors
+def _forward(table, order, boundary, panels, b, begin, vectors, x, local, solved):  # type: ignore[no-untyped-def]
+    """x, in order of elimination: the columns of b from `begin` on, with L divided out."""
+    n = len(b)
+    for v in range(min(vectors, b.shape[1] - begin)):
+        for i in range(len(order)):
+            for d in range(SIZE):
+                x[v * n + SIZE * i + d] = b[SIZE * order[i] + d, begin + v]
     mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
@@ -172,7 +187,7 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
                 local[v * long + j] = x[v * n + x0 + j]
         for t in range(first):
             place, row = l0 + t * ROWS * k, t * ROWS
-            subtract(mine, ROWS, long, panel, known, 0, k, row, t, t + 1, vectors)
+            subtract(mine, TILE, long, panel, known, NONE, k, row, t, t + 1, vectors)
             for j in range(row, min(row + ROWS, k)):
                 for v in range(vectors):
                     at = v * long + row
@@ -181,7 +196,7 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
                     x[v * n + x0 + j] = y
                     for i in range(ROWS):
                         local[at + i] -= panels[place + ROWS * j + i] * y
-        subtract(mine, ROWS, long, panel, known, 0, k, k, first, tiles, vectors)
+        subtract(mine, TILE, long, panel, known, NONE, k, k, first, tiles, vectors)
         for v in range(vectors):
             at = v * long + first * ROWS
             for i in range(r):
@@ -189,8 +204,9 @@ def _forward(table, boundary, panels, x, vectors, local, solved):  # type: ignor
 
 
 @compiled
-def _backward(table, boundary, panels, x, vectors, local, solved):  # type: ignore[no-untyped-def]
-    n = len(x) // vectors
+def _backward(table, order, boundary, panels, x, vectors, local, solved, begin, out):  # type: ignore[no-untyped-def]
+    """Divide x by the transposed L; the columns of `out` from `begin` on become the solution."""
+    n = len(out)
     mine, known = address(local, 0), address(solved, 0)
     for f in range(len(table) - 2, -1, -1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
@@ -222,23 +238,7 @@ def _backward(table, boundary, panels, x, vectors, local, solved):  # type: igno
                     y *= panels[l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * row]
                     local[v * long + row] = y
                     x[v * n + x0 + row] = y
-
-
-@compiled
-def _solve(table, order, boundary, panels, b, begin, vectors, out):  # type: ignore[no-untyped-def]
-    n = len(b)
-    count = min(vectors, b.shape[1] - begin)
-    x, long = np.zeros(vectors * n), 0
-    for v in range(count):
-        for i in range(len(order)):
-            for d in range(SIZE):
-                x[v * n + SIZE * i + d] = b[SIZE * order[i] + d, begin + v]
-    for f in range(len(table) - 1):
-        long = max(long, table[f, PIVOTS] + ROWS + table[f, LEADING])
-    local, solved = np.empty(vectors * long), np.empty(ROWS * long)
-    _forward(table, boundary, panels, x, vectors, local, solved)
-    _backward(table, boundary, panels, x, vectors, local, solved)
-    for v in range(count):
+    for v in range(min(vectors, out.shape[1] - begin)):
         for i in range(len(order)):
             for d in range(SIZE):
                 out[SIZE * order[i] + d, begin + v] = x[v * n + SIZE * i + d]
@@ -254,8 +254,12 @@ class CholeskyFactor:
         """Solution x of A x = b; b (n,) or (n, k)."""
         f = self._fronts
         rhs = np.ascontiguousarray(b, dtype=float).reshape(len(b), -1)
-        x = np.empty(rhs.shape)
+        out = np.empty(rhs.shape)
         for begin in range(0, rhs.shape[1], VECTORS):
             vectors = 1 if rhs.shape[1] - begin == 1 else VECTORS
-            _solve(f.table, f.order, f.boundary, self._panels, rhs, begin, vectors, x)
-        return x.reshape(b.shape)
+            x = np.zeros(vectors * len(b))
+            local, solved = np.empty(vectors * f.longest), np.empty(ROWS * f.longest)
+            system = f.table, f.order, f.boundary, self._panels
+            _forward(*system, rhs, begin, vectors, x, local, solved)
+            _backward(*system, x, vectors, local, solved, begin, out)
+        return out.reshape(b.shape)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 
 Index = NDArray[np.int64]
 
@@ -76,7 +76,7 @@ def _dissected(row_start, columns, most, order):  # type: ignore[no-untyped-def]
     return ends, parents, found
 
 
-@compiled
+@nested
 def _halved(row_start, columns, order, low, high, piece, stamp, level, queue, side):  # type: ignore[no-untyped-def]
     """Sort order[low:high] into two sides and their separator; where the latter two begin."""
     size = high - low
@@ -110,7 +110,7 @@ def _halved(row_start, columns, order, low, high, piece, stamp, level, queue, si
     return left, cut
 
 
-@compiled
+@nested
 def _levels(row_start, columns, start, piece, stamp, level, queue):  # type: ignore[no-untyped-def]
     """Distances in the piece from `start`, and a queue of the nodes by them; how many there are."""
     mark = -stamp
@@ -131,7 +131,7 @@ def _levels(row_start, columns, start, piece, stamp, level, queue):  # type: ign
     return reached
 
 
-@compiled
+@nested
 def _middle(level, queue, size):  # type: ignore[no-untyped-def]
     """The level with the fewest nodes among those that leave enough on both sides."""
     best, least, k = level[queue[size // 2]], np.inf, 0
@@ -146,7 +146,7 @@ def _middle(level, queue, size):  # type: ignore[no-untyped-def]
     return best
 
 
-@compiled
+@nested
 def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: ignore[no-untyped-def]
     """Move nodes of the separator to a side where that makes it smaller or the halves more even."""
     sizes = np.zeros(3, np.int64)

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from amoeboid.numerics.banded import Array, GeneralBand, Index, SingularMatrix
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.numerics.fronts import (
     BOUNDARY,
     CHILD,
@@ -29,7 +29,7 @@ from amoeboid.numerics.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.tiles import ROWS, address, dots, gauss, scatter, subtract
+from amoeboid.numerics.tiles import ROWS, TILE, address, dots, gauss, scatter, subtract
 
 # Nodes in a piece that is not divided further.
 MOST = 16
@@ -67,6 +67,10 @@ class DominatedByDiagonal:
         return np.empty(f.panels), np.empty(f.panels), np.empty(f.updates)
 
     @cached_property
+    def _local(self) -> Array:
+        return np.empty(self._fronts.longest)
+
+    @cached_property
     def _direct(self) -> GeneralBand:
         rows = np.repeat(np.arange(self.n), np.diff(self._row_start))
         return GeneralBand(rows, self._columns, self.n)
@@ -77,41 +81,28 @@ class DominatedByDiagonal:
         The rounding errors of the elimination are in proportion to the distance from the guess.
         Where the matrix is not as described, banded LU with exchange of rows takes over.
         """
-        f = self._fronts
         x = np.array(guess, dtype=float)
-        pattern = self._row_start, self._columns
-        if _solved(entries, *pattern, self._transposed, b, x, f.order, f.table, f.boundary,
-                   f.down, f.across, f.entries, f.children, *self._workspace):  # fmt: skip
+        if self._solved(entries, b, x):
             return x
         if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(b))):
             raise SingularMatrix("the matrix must be regular; a number is not finite")
         return self._direct.factor(entries).solve(b)
 
-
-@compiled
-def _solved(  # type: ignore[no-untyped-def]
-    entries, row_start, columns, transposed, b, x, order, table, boundary, down, across, places,
-    children, lower, upper, updates,
-):  # fmt: skip
-    """Solve from the guess x on; whether it succeeded."""
-    r, n = np.empty(len(x)), len(x)
-    left, scale = _residual(entries, row_start, columns, b, x, r)
-    if left <= ROUNDING * scale and scale < np.inf:
-        return True
-    if not _factorized(
-        entries, transposed, table, down, across, places, children, lower, upper, updates
-    ):
-        return False
-    change, longest = np.empty(n), 0
-    for i in range(n):
-        change[i] = r[order[i]]
-    for f in range(len(table) - 1):
-        longest = max(longest, table[f, PIVOTS] + ROWS + table[f, LEADING])
-    _substituted(table, boundary, lower, upper, change, np.empty(longest))
-    for i in range(n):
-        x[order[i]] += change[i]
-    left, scale = _residual(entries, row_start, columns, b, x, r)
-    return left <= ACCEPTED * scale and scale < np.inf
+    def _solved(self, entries: Array, b: Array, x: Array) -> bool:
+        """Solve from the guess x on; whether it succeeded."""
+        f, r = self._fronts, np.empty(self.n)
+        left, scale = _residual(entries, self._row_start, self._columns, b, x, r)
+        if left <= ROUNDING * scale and scale < np.inf:
+            return True
+        lower, upper, updates = self._workspace
+        if not _factorized(entries, self._transposed, f.table, f.down, f.across, f.entries,
+                           f.children, lower, upper, updates):  # fmt: skip
+            return False
+        change = r[f.order]
+        _substituted(f.table, f.boundary, lower, upper, change, self._local)
+        x[f.order] += change
+        left, scale = _residual(entries, self._row_start, self._columns, b, x, r)
+        return bool(left <= ACCEPTED * scale and scale < np.inf)
 
 
 @compiled
@@ -154,12 +145,12 @@ def _factorized(entries, transposed, table, down, across, places, children, lowe
         j, column, row = 0, update - 8 * ROWS * first, ROWS * first
         while j < r:
             wide = _width(r - j)
-            subtract(column, ROWS, long, left, right, row + j, k, k, first, tiles, wide)
+            subtract(column, TILE, long, left, right, row + j, k, k, first, tiles, wide)
             j, column = j + wide, column + 8 * wide * long
     return True
 
 
-@compiled
+@nested
 def _width(left):  # type: ignore[no-untyped-def]
     """The widest product for `left` columns."""
     if left >= 6:
@@ -167,7 +158,7 @@ def _width(left):  # type: ignore[no-untyped-def]
     return 3 if left >= 3 else 1
 
 
-@compiled
+@nested
 def _extend(table, child, down, across, updates, left, right, update, leading):  # type: ignore[no-untyped-def]
     """Add the update of a child to panels and update of its parent, at these addresses."""
     r, inside, begin = table[child, BOUNDARY], table[child, INSIDE], table[child, LIST]
@@ -182,15 +173,15 @@ def _extend(table, child, down, across, updates, left, right, update, leading): 
             scatter(update + 8 * column * leading, to_update, source, inside, r)
 
 
-@compiled
+@nested
 def _eliminated(left, right, k, tiles):  # type: ignore[no-untyped-def]
     """Eliminate the k pivots of a front; whether all are positive and finite."""
     j = 0
     while j < k:
         wide, c, d, first = _width(k - j), left + 8 * ROWS * j, right + 8 * ROWS * j, j >> 3
         if j > 0:
-            subtract(c, ROWS * k, ROWS, left, right, j, k, j, first, tiles, wide)
-            subtract(d, ROWS * k, ROWS, right, left, j, k, j, first, tiles, wide)
+            subtract(c, ROWS * k, TILE, left, right, j, k, j, first, tiles, wide)
+            subtract(d, ROWS * k, TILE, right, left, j, k, j, first, tiles, wide)
         if wide == 6:
             sound = _gauss_6(left, right, j, k, tiles)
         elif wide == 3:

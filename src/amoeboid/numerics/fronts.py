@@ -9,6 +9,7 @@ the boundary, the update, is added to the front of the parent.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,11 @@ class Fronts:
     panels: int
     updates: int
 
+    @cached_property
+    def longest(self) -> int:
+        """Rows of the longest front, or a little more: pivots and boundary in whole tiles."""
+        return int(np.max(self.table[:, PIVOTS] + ROWS + self.table[:, LEADING]))
+
 
 def fronts(row_start: Index, columns: Index, size: int, most: int) -> Fronts:
     """The fronts of a symmetric pattern in compressed rows; `most` nodes in an undivided piece."""
@@ -56,14 +62,14 @@ def fronts(row_start: Index, columns: Index, size: int, most: int) -> Fronts:
     new[order] = np.arange(len(order))
     bounds, boundary = _boundaries(row_start, columns, order, new, first, parent)
     boundary = boundary[: bounds[-1]]
+    table = _table(first, bounds, parent, size)
     by_parent = np.argsort(parent, kind="stable")
     children = by_parent[np.count_nonzero(parent < 0) :]
-    child = np.searchsorted(parent[children], np.arange(len(parent) + 1))
-    table = _table(first, bounds, parent, size)
-    table[:, CHILD] = child
-    down, across = _in_parent(table, boundary, first, bounds, parent, size)
-    entries = _entries(row_start, columns, order, new, first, bounds, boundary, table, size)
-    entries = entries[: table[-1, ENTRY]]
+    table[:, CHILD] = np.searchsorted(parent[children], np.arange(len(parent) + 1))
+    keys = np.repeat(np.arange(len(parent)), np.diff(bounds)) * len(order) + boundary
+    rows = _Rows(size, table[:-1, PIVOTS], first, bounds, keys)
+    down, across = _in_parent(table, boundary, parent, rows)
+    entries = _entries(row_start, columns, order, new, table, rows)
     unknowns = (size * boundary[:, None] + np.arange(size)).ravel()
     panels, updates = int(table[-1, PANEL]), int(table[-1, UPDATE])
     return Fronts(size, order, table, unknowns, down, across, entries, children, panels, updates)
@@ -115,88 +121,77 @@ def _boundaries(row_start, columns, order, new, first, parent):  # type: ignore[
     return bounds, found
 
 
-@compiled
-def _table(first, bounds, parent, size):  # type: ignore[no-untyped-def]
+def _table(first: Index, bounds: Index, parent: Index, size: int) -> Index:
     """The table of the fronts, but for children and entries.
 
     Updates lie on two stacks, fronts of even depth on one and of odd depth on the other: a front
     finds those of its children on top of one and puts its own on the other.
     """
-    count = len(parent)
-    table = np.zeros((count + 1, 10), np.int64)
-    depth, used = np.zeros(count, np.int64), np.zeros(count, np.int64)
-    for f in range(count - 1, -1, -1):
-        depth[f] = depth[parent[f]] + 1 if parent[f] >= 0 else 0
-    top, most = np.zeros(2, np.int64), np.zeros(2, np.int64)
-    for f in range(count):
-        k, r = size * (first[f + 1] - first[f]), size * (bounds[f + 1] - bounds[f])
-        high, long = (k + ROWS - 1) & -ROWS, (r + ROWS - 1) & -ROWS
-        table[f, FIRST], table[f, PIVOTS], table[f, BOUNDARY] = size * first[f], k, r
-        table[f, LEADING], table[f, LIST] = long, size * bounds[f]
-        table[f + 1, PANEL] = table[f, PANEL] + (high + long) * k
-        parity = depth[f] % 2
-        table[f, UPDATE] = top[parity]
-        top[parity] += long * r
-        most[parity] = max(most[parity], top[parity])
-        top[1 - parity] -= used[f]
-        if parent[f] >= 0:
-            used[parent[f]] += long * r
-    for f in range(count):
-        if depth[f] % 2 == 1:
-            table[f, UPDATE] += most[0]
-    table[count, FIRST] = size * first[count]
-    table[count, LIST] = size * bounds[count]
-    table[count, UPDATE] = most[0] + most[1]
+    table = np.zeros((len(first), 10), np.int64)
+    k, r = size * np.diff(first), size * np.diff(bounds)
+    high, long = (k + ROWS - 1) & -ROWS, (r + ROWS - 1) & -ROWS
+    table[:, FIRST], table[:, LIST] = size * first, size * bounds
+    table[:-1, PIVOTS], table[:-1, BOUNDARY], table[:-1, LEADING] = k, r, long
+    table[1:, PANEL] = np.cumsum((high + long) * k)
+    up, lengths = parent.tolist(), (long * r).tolist()
+    odd, used, places = [0] * len(up), [0] * len(up), []
+    for f in range(len(up) - 1, -1, -1):
+        odd[f] = 1 - odd[up[f]] if up[f] >= 0 else 0
+    top, most = [0, 0], [0, 0]
+    for f, length in enumerate(lengths):
+        places.append(top[odd[f]])
+        top[odd[f]] += length
+        most[odd[f]] = max(most[odd[f]], top[odd[f]])
+        top[1 - odd[f]] -= used[f]
+        if up[f] >= 0:
+            used[up[f]] += length
+    table[:-1, UPDATE] = np.array(places) + most[0] * np.array(odd)
+    table[-1, UPDATE] = sum(most)
     return table
 
 
-@compiled
-def _in_parent(table, boundary, first, bounds, parent, size):  # type: ignore[no-untyped-def]
-    down = np.zeros(size * len(boundary), np.int64)
-    across = np.zeros(size * len(boundary), np.int64)
-    for f in range(len(parent)):
-        up = parent[f]
-        if up < 0:
-            continue
-        width = table[up, PIVOTS]
-        high = (width + ROWS - 1) & -ROWS
-        m = bounds[up]
-        for k in range(bounds[f], bounds[f + 1]):
-            v = boundary[k]
-            inside = v < first[up + 1]
-            if inside:
-                row = size * (v - first[up])
-                table[f, INSIDE] += size
-            else:
-                while boundary[m] != v:
-                    m += 1
-                row = high + size * (m - bounds[up])
-            for d in range(size):
-                down[size * k + d] = ((row + d) >> 3) * (ROWS * width) + ((row + d) & 7)
-                across[size * k + d] = ROWS * (row + d) if inside else row + d - high
-    return down, across
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """Rows in the panels of fronts; `keys`: front times number of nodes plus node, ascending."""
+
+    size: int
+    pivots: Index
+    first: Index
+    bounds: Index
+    keys: Index
+
+    def of(self, front: Index, node: Index) -> tuple[Index, NDArray[np.bool_], Index]:
+        """First row of each node in its front, whether it is a pivot, first row of a boundary."""
+        inside = node < self.first[front + 1]
+        high = (self.pivots[front] + ROWS - 1) & -ROWS
+        place = np.searchsorted(self.keys, front * self.first[-1] + node) - self.bounds[front]
+        among = np.where(inside, node - self.first[front], place)
+        return np.where(inside, 0, high) + self.size * among, inside, high
 
 
-@compiled
-def _entries(row_start, columns, order, new, first, bounds, boundary, table, size):  # type: ignore[no-untyped-def]
+def _in_parent(table: Index, boundary: Index, parent: Index, rows: _Rows) -> tuple[Index, Index]:
+    front = np.repeat(np.arange(len(parent)), np.diff(rows.bounds))
+    row, inside, high = rows.of(parent[front], boundary)
+    table[:-1, INSIDE] = rows.size * np.bincount(front[inside], minlength=len(parent))
+    row = row[:, None] + np.arange(rows.size)
+    width = rows.pivots[parent[front]][:, None]
+    down = (row >> 3) * (ROWS * width) + (row & 7)
+    across = np.where(inside[:, None], ROWS * row, row - high[:, None])
+    return down.ravel(), across.ravel()
+
+
+def _entries(
+    row_start: Index, columns: Index, order: Index, new: Index, table: Index, rows: _Rows
+) -> Index:
     """Blocks on and below the diagonal, in the order of elimination, with their places."""
-    entries = np.empty((len(columns), 3), np.int64)
-    row = np.empty(len(order), np.int64)
-    total = 0
-    for f in range(len(first) - 1):
-        table[f, ENTRY] = total
-        high = (table[f, PIVOTS] + ROWS - 1) & -ROWS
-        for m in range(bounds[f], bounds[f + 1]):
-            row[boundary[m]] = high + size * (m - bounds[f])
-        for j in range(first[f], first[f + 1]):
-            row[j] = size * (j - first[f])
-        for j in range(first[f], first[f + 1]):
-            v = order[j]
-            for p in range(row_start[v], row_start[v + 1]):
-                i = new[columns[p]]
-                if i >= j:
-                    # the pattern is that of column j as well as of row j
-                    entries[total, 0], entries[total, 1], entries[total, 2] = p, row[i], row[j]
-                    total += 1
-    table[len(first) - 1, ENTRY] = total
-    return entries
+    counts = np.diff(row_start)[order]
+    begin = row_start[order] - (np.cumsum(counts) - counts)
+    j = np.repeat(np.arange(len(order)), counts)
+    p = np.arange(len(columns)) + begin[j]
+    i = new[columns[p]]
+    # the pattern is that of column j as well as of row j
+    lower = i >= j
+    p, i, j = p[lower], i[lower], j[lower]
+    front = np.repeat(np.arange(len(table) - 1), np.diff(rows.first))[j]
+    table[:, ENTRY] = np.searchsorted(front, np.arange(len(table)))
+    return np.stack([p, rows.of(front, i)[0], rows.size * (j - rows.first[front])], axis=1)

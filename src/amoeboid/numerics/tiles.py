@@ -12,17 +12,20 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import nested
 
 ROWS = 8
 # Columns that one product takes at a time: its sums fit into the registers of AVX2, and as many of
 # them hide the time that one takes. A node has three unknowns.
 COLUMNS = 6
+# As arguments for `subtract`, which would be compiled once more for every constant of Python.
+TILE, NONE = np.int64(ROWS), np.int64(0)
 
 _DOUBLE, _WORD = ir.DoubleType(), ir.IntType(64)
 _VECTOR = ir.VectorType(_DOUBLE, ROWS)
@@ -304,7 +307,7 @@ def scatter(typingctx, target, index, source, first, last):  # type: ignore[no-u
 _product_1, _product_3, _product_4, _product_6 = (product(n) for n in (1, 3, 4, 6))
 
 
-@compiled
+@nested
 def subtract(c, cv, cc, a, b, row, width, depth, first, last, columns):  # type: ignore[no-untyped-def]
     """c -= a b^T, see `product`, for tiles first ... last - 1 of a panel a, and of c, cv apart.
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.surface.mesh import Index
 
 Array = NDArray[np.float64]
@@ -50,7 +50,7 @@ def geometry(r: Array, faces: Index) -> Geometry:
     return Geometry(*_geometry(r, faces))
 
 
-@compiled
+@nested
 def _dual_shares(area, squares, share):  # type: ignore[no-untyped-def]
     # squares[a]: that of the edge opposite to corner a; dot: of the two edges that meet in a
     for a in range(3):
