@@ -16,7 +16,7 @@ v.n keeps them finite. It vanishes in a steady state, where v.n = 0.
 so that moving nodes within the surface must do no work. The exact dA/dr of a polyhedron has a
 tangential part, a discretization error multiplied by the large zeta0, which would drive a parasitic
 flow; it is left out. Its normal part is the curvature times the dual area of the node, not a third
-of the triangles around it; a node of valence five has 15 % less of the latter. So pressure acts on
+of the triangles around it; a node of valence five has 13 % less of the latter. So pressure acts on
 dual areas as well: it then balances tension on a sphere exactly, and on other shapes no node of
 odd valence is pushed out of the surface.
 """
