@@ -88,6 +88,7 @@ def test_a_run_follows_the_instability_until_parts_of_the_cell_meet(contact):
     assert "the surface crosses itself" in why
     last = steps[-1]
     assert last.state.t > 0.5
+    # 0.60 to 0.62 at contact, as the mesh is changed sooner or later
     assert reduced_volume(last.model, last.state, last.flow) < 0.65
     for step in steps:
         assert intersecting_pair(step.state.r, step.model.mesh.faces) is None

@@ -125,6 +125,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     volumes = [reduced_volume(s.model, s.state, s.flow) for s in (first, step)]
     assert volumes[1] > volumes[0]
     ends = []
+    # with 80 steps the fast motions of the saddles are not resolved yet: order 2.3 in v
     for count in (160, 320, 2560):
         history = (step.state,)
         for _ in range(count):
