@@ -34,7 +34,6 @@ from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, vis
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
-    normal_part,
     volume,
     volume_centroid,
     weighted_area_gradient,
@@ -181,12 +180,22 @@ def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) 
 
 @compiled
 def _excess(v, free, kept):  # type: ignore[no-untyped-def]
+    # row a of what follows: products of column a of `kept` with v and the columns of `free`
     excess, shares = np.zeros(6), np.zeros((6, 6))
-    for i in range(len(v)):
-        for a in range(6):
-            excess[a] += kept[i, a] * v[i]
-            for b in range(6):
-                shares[a, b] += kept[i, a] * free[i, b]
+    for a in range(6):
+        x, s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for i in range(len(v)):
+            k = kept[i, a]
+            x += k * v[i]
+            s0 += k * free[i, 0]
+            s1 += k * free[i, 1]
+            s2 += k * free[i, 2]
+            s3 += k * free[i, 3]
+            s4 += k * free[i, 4]
+            s5 += k * free[i, 5]
+        excess[a] = x
+        shares[a, 0], shares[a, 1], shares[a, 2] = s0, s1, s2
+        shares[a, 3], shares[a, 4], shares[a, 5] = s3, s4, s5
     return excess, shares
 
 
@@ -245,36 +254,53 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     Net force and torque of `force` must vanish (those of any energy of the shape do) up to the
     error of the mesh; what the projection adds to them is spread over the surface and taken off.
     """
-    about = r - g.node_areas @ r / g.area
-    normal = normal_part(force, g.normals)
     # areas about their center: translation and rotation uncouple
-    torque, inertia = _moments(normal, about, g.node_areas)
-    shift, turn = normal.sum(axis=0) / g.area, np.linalg.solve(inertia, torque)
-    return np.asarray(_without_rigid(normal, about, g.node_areas, shift, turn))
+    center = g.node_areas @ r / g.area
+    size, shift, torque, inertia = _normal_moments(force, g.normals, r, center, g.node_areas)
+    turn = np.linalg.solve(inertia, torque)
+    return np.asarray(
+        _without_rigid(size, g.normals, r, center, g.node_areas, shift / g.area, turn)
+    )
 
 
 @compiled
-def _moments(force, about, areas):  # type: ignore[no-untyped-def]
-    torque, inertia = np.zeros(3), np.zeros((3, 3))
+def _normal_moments(force, normals, r, center, areas):  # type: ignore[no-untyped-def]
+    size, shift, torque, inertia = np.empty(len(areas)), np.zeros(3), np.zeros(3), np.zeros((3, 3))
+    xx, xy, xz, yy, yz, zz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for i in range(len(areas)):
-        square = about[i, 0] ** 2 + about[i, 1] ** 2 + about[i, 2] ** 2
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            torque[d] += about[i, p] * force[i, q] - about[i, q] * force[i, p]
-            inertia[d, d] += areas[i] * square
-            for e in range(3):
-                inertia[d, e] -= areas[i] * about[i, d] * about[i, e]
-    return torque, inertia
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        along = force[i, 0] * nx + force[i, 1] * ny + force[i, 2] * nz
+        x, y, z = r[i, 0] - center[0], r[i, 1] - center[1], r[i, 2] - center[2]
+        size[i] = along
+        shift[0] += along * nx
+        shift[1] += along * ny
+        shift[2] += along * nz
+        torque[0] += along * (y * nz - z * ny)
+        torque[1] += along * (z * nx - x * nz)
+        torque[2] += along * (x * ny - y * nx)
+        xx += areas[i] * x * x
+        xy += areas[i] * x * y
+        xz += areas[i] * x * z
+        yy += areas[i] * y * y
+        yz += areas[i] * y * z
+        zz += areas[i] * z * z
+    inertia[0, 0], inertia[1, 1], inertia[2, 2] = yy + zz, xx + zz, xx + yy
+    inertia[0, 1], inertia[0, 2], inertia[1, 2] = -xy, -xz, -yz
+    inertia[1, 0], inertia[2, 0], inertia[2, 1] = -xy, -xz, -yz
+    return size, shift, torque, inertia
 
 
 @compiled
-def _without_rigid(force, about, areas, shift, turn):  # type: ignore[no-untyped-def]
-    rest = np.empty(force.shape)
+def _without_rigid(size, normals, r, center, areas, shift, turn):  # type: ignore[no-untyped-def]
+    rest = np.empty(normals.shape)
     for i in range(len(areas)):
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            rigid = shift[d] + turn[p] * about[i, q] - turn[q] * about[i, p]
-            rest[i, d] = force[i, d] - areas[i] * rigid
+        x, y, z = r[i, 0] - center[0], r[i, 1] - center[1], r[i, 2] - center[2]
+        rigid_x = shift[0] + turn[1] * z - turn[2] * y
+        rigid_y = shift[1] + turn[2] * x - turn[0] * z
+        rigid_z = shift[2] + turn[0] * y - turn[1] * x
+        rest[i, 0] = size[i] * normals[i, 0] - areas[i] * rigid_x
+        rest[i, 1] = size[i] * normals[i, 1] - areas[i] * rigid_y
+        rest[i, 2] = size[i] * normals[i, 2] - areas[i] * rigid_z
     return rest
 
 

@@ -87,8 +87,9 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
         square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
         twice = np.sqrt(square)
         areas[f] = 0.5 * twice
+        over_twice, over_square = 1.0 / twice, 1.0 / square
         for d in range(3):
-            face_normals[f, d] = n[d] / twice
+            face_normals[f, d] = n[d] * over_twice
         for a in range(3):
             b, c = (a + 1) % 3, (a + 2) % 3
             squares[a] = 0.0
@@ -97,14 +98,15 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
                 # n x (opposite edge) / (2 area)
                 gradients[f, a, d] = (
                     n[p] * (x[c, q] - x[b, q]) - n[q] * (x[c, p] - x[b, p])
-                ) / square
+                ) * over_square
                 squares[a] += (x[c, d] - x[b, d]) ** 2
         _dual_shares(areas[f], squares, share)
         for a in range(3):
             node_areas[faces[f, a]] += areas[f] / 3.0
             dual_areas[faces[f, a]] += share[a]
+            weight = 1.0 / (squares[(a + 1) % 3] * squares[(a + 2) % 3])
             for d in range(3):
-                normals[faces[f, a], d] += n[d] / (squares[(a + 1) % 3] * squares[(a + 2) % 3])
+                normals[faces[f, a], d] += weight * n[d]
     for v in range(n_nodes):
         length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
         for d in range(3):
