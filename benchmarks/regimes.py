@@ -60,6 +60,9 @@ def _cases() -> dict[str, Case]:
     ):
         p = Parameters(D=0.4, delta_P=float(delta_P), v_p0=float(v_p0))
         cases[f"P{delta_P:g}-v{v_p0:g}-loud"] = Case(p, LOUD)
+    for v_p0 in (5.85, 6.026):
+        p = Parameters(D=0.1, delta_P=11.0, v_p0=v_p0)
+        cases[f"D0.1-P11-v{v_p0:g}-loud"] = Case(p, LOUD)
     for D in (0.03, 0.1, 1.0):
         critical = (D + 0.5) / 3.0 * np.exp(3.0)
         for delta_P in (0.5, 1.0, 3.0, 11.0):
