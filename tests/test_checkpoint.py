@@ -191,6 +191,19 @@ VALUES = [
 ]
 
 
+def test_more_states_than_a_step_needs_are_refused(stored, tmp_path, capsys):
+    folder, arrays = stored
+    history = {n: np.concatenate([a, a]) for n, a in arrays.items() if n.startswith("history_")}
+    latest = history["history_scalars"][0, 0]
+    history["history_scalars"][:, 0] = np.linspace(latest, 0.5 * latest, len(history["history_r"]))
+
+    def write(path):
+        with path.open("wb") as file:
+            np.savez(file, **arrays | history)
+
+    refused(folder, tmp_path, write, capsys)
+
+
 @pytest.mark.parametrize(("name", "change"), [*LAYOUT, *FLOATS, *VALUES])
 def test_what_no_run_has_written_is_refused(name, change, stored, tmp_path, capsys):
     folder, arrays = stored

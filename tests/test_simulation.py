@@ -59,6 +59,26 @@ def test_a_tiny_growing_polarization_is_not_mistaken_for_a_steady_state():
     assert steps[-1].state.c.max() > 5
 
 
+def test_only_little_beside_turning_counts_as_none(monkeypatch):
+    """A cell that turns may also change by a few times STEADY; more, or growth, shows."""
+    first = start(QUICK)
+    model, n = first.model, first.model.mesh.n_nodes
+    turning, found = np.full(2 * n, 90.0 * simulation.STEADY * model.rate), []
+    flow = replace(first.flow, v_c=-first.flow.v_p)
+    for beside in (1.0, 3.0, 4.5, 6.0, 9.0):
+        change = turning[:n] + beside * simulation.STEADY * model.rate
+        monkeypatch.setattr(
+            simulation, "rate_of_change", lambda m, c, g, v, x=change: 1.0 * x * c.max()
+        )
+        part = np.concatenate([turning[:n], np.zeros(n)])
+        monkeypatch.setattr(simulation, "_turning", lambda *_, x=part: x)
+        state = replace(first.state, c=np.full(n, model.parameters.c0))
+        found.append(simulation._rate(model, state, flow)[0] / simulation.STEADY)
+    assert found == sorted(found)
+    assert found[2] < 1.0 < found[3]
+    assert found[0] < 0.5 * found[1]
+
+
 def test_error_control_follows_the_tolerance():
     """A tenth of the tolerance: about 10^(1/3) times the steps, and a smaller error."""
     counts, ends = [], []

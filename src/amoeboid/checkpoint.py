@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.config import Config, config_from_toml, config_to_toml
-from amoeboid.simulation import Step
+from amoeboid.simulation import KEPT, Step
 from amoeboid.surface.explicit import MOST_AREA_ERROR
 from amoeboid.surface.geometry import area, volume
 from amoeboid.surface.imported import FEWEST_NODES, MOST_NODES
@@ -26,8 +26,6 @@ from amoeboid.validation import InvalidInput
 
 Array = NDArray[Any]
 
-# |A/A0 - 1| of states before the latest, which remeshing has carried over to the present mesh.
-MOST_EARLIER_AREA_ERROR = 0.1
 # Type and shape of every array; equal names are equal numbers, none of them 0.
 _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "config": (np.str_, ()),
@@ -175,6 +173,7 @@ def _mesh(faces: Index, n_nodes: int) -> Connectivity:
 def _history(arrays: dict[str, Array]) -> tuple[State, ...]:
     r, c, position = (arrays[f"history_{name}"] for name in ("r", "c", "position"))
     times, tensions = arrays["history_scalars"].T
+    _require(len(times) <= KEPT, f"at most {KEPT} states are kept", len(times))
     _require(times[-1] >= 0, "times must be >= 0", times[-1])
     least = -np.diff(times).max(initial=-np.inf)
     _require(least > 0, "the times of the states must be in order", f"a step of {least:g}")
@@ -197,8 +196,9 @@ def _check_shape(model: Model, history: tuple[State, ...]) -> None:
     faces = model.mesh.faces
     for state in history:
         ratio = area(state.r, faces) / model.A0
-        allowed = MOST_AREA_ERROR if state is now else MOST_EARLIER_AREA_ERROR
-        _require(abs(ratio - 1.0) <= allowed, "areas must be 4 pi R0^2", f"{ratio:g} times that")
+        _require(
+            abs(ratio - 1.0) <= MOST_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
+        )
         enclosed = volume(state.r, faces)
         _require(enclosed > 0, "triangles must look outward, volume > 0", f"{enclosed:g}")
     try:

@@ -36,6 +36,8 @@ FIRST_STEP = 1e-2  # in units of 1 / model.rate
 STEADY = 1e-5
 # Share of that turning which its gradients on a coarse mesh cannot tell from other changes.
 TURNING_ERROR = 0.1
+# More than so many times STEADY are a change that is none of turning.
+MOST_UNCLEAR = 4.0
 KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
@@ -223,7 +225,8 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
         turning = _turning(model, x, g, state.c / c_scale, change)
         still = float(np.abs(change - turning).max() / model.rate)
         unclear = TURNING_ERROR * float(np.abs(turning).max() / model.rate)
-        rate = min(rate, max(still - unclear, min(still, 0.5 * STEADY)))
+        # in proportion to what is no turning, so that a growth of it still shows
+        rate = min(rate, still / (1.0 + min(unclear / STEADY, MOST_UNCLEAR)))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate

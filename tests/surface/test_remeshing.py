@@ -25,6 +25,7 @@ from amoeboid.surface.remeshing import (
     SHORTEST,
     carried,
     collapses,
+    disorder,
     edges,
     flips,
     remeshed,
@@ -147,6 +148,37 @@ def test_a_node_that_would_lose_too_many_neighbors_keeps_its_edges():
         pairs = np.stack([e.a, e.b], axis=1)
         assert len(np.unique(pairs, axis=0)) == len(pairs) == 3 * len(state.c) - 6
         assert model.mesh.valence.min() >= 4
+
+
+def test_a_mesh_changes_for_the_better_or_not_at_all():
+    """Ellipsoids up to needles: some cannot be put in order, and must not change for ever."""
+    changed = 0
+    for factor in np.linspace(1.8, 3.5, 18):
+        model, state = stretched(factor, subdivisions=2, seed=int(10 * factor))
+        for _ in range(4):
+            worst = disorder(state.r, model.mesh.faces, model.edge_length)
+            new, state = remeshed(model, state)
+            left = disorder(state.r, new.mesh.faces, new.edge_length)
+            if new is model:
+                break
+            changed += 1
+            assert left <= 1.01 or left < 0.85 * worst
+            model = new
+        assert new is model
+    assert changed > 9
+
+
+def test_a_folding_cell_seldom_changes_its_mesh():
+    """Triangles that nothing can mend do not make the run start anew at every step."""
+    config = Config(parameters=SOFT, mesh=Mesh(subdivisions=2), time=Time(end=2.55))
+    step = start(config)
+    changes, model = [], step.model
+    for step in evolve(step, config.time):
+        if step.model is not model:
+            changes.append(step.number)
+            model = step.model
+    assert 0 < len(changes) < 10
+    assert step.ended == "end of time"
 
 
 def test_a_run_goes_on_through_changes_of_its_mesh():

@@ -16,7 +16,14 @@ from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.relaxation import even_icosphere
-from amoeboid.surface.stepping import StepFailed, difference, flow_of, semi_implicit_step
+from amoeboid.surface.stepping import (
+    StepFailed,
+    difference,
+    flow_of,
+    local_error,
+    semi_implicit_step,
+    starting_step,
+)
 from amoeboid.surface.transport import rate_of_change
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
@@ -270,6 +277,39 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
     distance = difference(model, (solved.r, solved.c), ahead, flow.normals)
     left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
     assert 0 < left < 0.06 * distance
+
+
+def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
+    """Also where steps are so short that the first change is large beside it."""
+    model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
+    history = (perturbed(model, rest, Initial(perturbation=2.0)),)
+    for _ in range(6):
+        state, _ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
+        history = (state, *history[:2])
+    found, flow = semi_implicit_step(model, history, 0.02, tolerance=0.0)
+    error = local_error(model, history, found.t, (found.r, found.c), flow.normals)
+    monkeypatch.setattr(stepping, "CONVERGED", 1e-9)
+    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    solved, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
+    left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
+    print(left, error)
+    assert 0 < left < 0.4 * error
+
+
+@pytest.mark.parametrize("delta_P", [11.0, 300.0])
+def test_a_start_knows_its_error(delta_P):
+    """Two implicit Euler steps of half the length: as far from exact as from one whole step."""
+    model, rest = sphere(replace(POLARIZED, delta_P=delta_P), 1)
+    now = perturbed(model, rest, Initial(perturbation=2.0))
+    dt = 2e-4
+    new, flow, error = starting_step(model, now, dt, None, 1e-9)
+    history = (now,)
+    for _ in range(200):
+        state, _ = semi_implicit_step(model, history, dt / 200, tolerance=1e-9)
+        history = (state, *history[:2])
+    exact = difference(model, (new.r, new.c), (state.r, state.c), flow.normals)
+    print(delta_P, error, exact)
+    assert 0.8 < error / exact < 1.25
 
 
 def test_passes_that_do_not_settle_are_no_step():

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.banded import Factor
+from amoeboid.numerics.banded import Factor, SingularMatrix
 from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.geometry import (
@@ -57,6 +57,8 @@ Array = NDArray[np.float64]
 REGULARIZATION = 1e-7
 # Share of eta_s + eta_b that resists gradients of v.n: see above.
 NORMAL_VISCOSITY = 1e-3
+# Work of the pressure on dual areas and on the volume may differ by this factor.
+LEAST_FACTOR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,11 +243,16 @@ def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
 def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Node forces of a unit of pressure (V, 3): along the normals, on the dual areas [L^2].
 
-    Their size is such that a cell that grows in proportion does the work of its volume, so that
-    delta_P volume is two thirds of tension times area at rest.
+    Their size, one factor for all of them, is such that a cell that grows in proportion does the
+    work of its volume. On a sphere the factor is that of the mesh; on bent surfaces that the mesh
+    hardly resolves it differs from it by percents. Raises SingularMatrix where the dual areas are
+    no measure of the surface any more.
     """
     force = normal_force(g.dual_areas[:, None] * g.normals, r, g)
-    return np.asarray(force * (3.0 * volume(r, faces) / np.vdot(force, r)))
+    factor = 3.0 * volume(r, faces) / np.vdot(force, r)
+    if not LEAST_FACTOR < factor < 1.0 / LEAST_FACTOR:
+        raise SingularMatrix("the mesh must resolve the surface, its dual areas do not")
+    return np.asarray(force * factor)
 
 
 def normal_force(force: Array, r: Array, g: Geometry) -> Array:

@@ -34,6 +34,8 @@ LONGEST, SHORTEST = 1.5, 0.6
 # A mesh is left alone until an edge or a triangle (quality 1 is equilateral) is beyond these: every
 # change takes the run its past, so that many are made at once.
 OVERLONG, OVERSHORT, POOR_QUALITY = 1.8, 0.45, 0.5
+# Where not all can be put right, a change is made if what is worst becomes that much less.
+IMPROVEMENT = 0.8
 # Flips are looked for where a triangle is worse than this, ...
 GOOD_QUALITY = 0.7
 # ... and done where the worse triangle becomes this much better.
@@ -77,9 +79,10 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
 
     The state keeps its filaments, the area A0 exactly and, up to the change of the polyhedron, its
     shape. What came before it has no place on the new mesh: a discrete surface changes its speed
-    with its mesh.
+    with its mesh. So a change that does not make the worst clearly better is not made.
     """
-    if in_order(state.r, model.mesh.faces, model.edge_length):
+    worst = disorder(state.r, model.mesh.faces, model.edge_length)
+    if worst <= 1.0:
         return model, state
     new, mesh = state, model.mesh
     # flips make room for more collapses
@@ -89,7 +92,7 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
             if change is None:
                 break
             new, mesh = carried(new, mesh, change), connectivity(change.faces)
-    if mesh is model.mesh:
+    if not disorder(new.r, mesh.faces, model.edge_length) < max(1.0, IMPROVEMENT * worst):
         return model, state
     order, faces = narrow_numbering(mesh.faces)
     new = replace(new, r=new.r[order], c=new.c[order])
@@ -114,13 +117,16 @@ def _refilled(new: State, faces: Index, old: State, old_faces: Index) -> State:
     return replace(new, c=new.c * (held / found)) if found > 0 else new
 
 
-def in_order(r: Array, faces: Index, edge_length: float) -> bool:
-    """Whether all edges have a length, and all triangles a quality, to be left alone."""
+def disorder(r: Array, faces: Index, edge_length: float) -> float:
+    """How far the worst edge or triangle is beyond what is left alone: 1 is the limit."""
     shortest, longest = extreme_edges(r, faces)
-    return (
-        shortest >= OVERSHORT * edge_length
-        and longest <= OVERLONG * edge_length
-        and mesh_quality(r, faces) > POOR_QUALITY
+    quality = mesh_quality(r, faces)
+    if not (shortest > 0 and quality > 0):
+        return float("inf")
+    return max(
+        OVERSHORT * edge_length / shortest,
+        longest / (OVERLONG * edge_length),
+        POOR_QUALITY / quality,
     )
 
 

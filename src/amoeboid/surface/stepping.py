@@ -48,7 +48,7 @@ CONVERGED = 0.05
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
 MOST_PASSES = 15
-# So many passes are made with one factorization before a new one is made, where the shape is now.
+# So many passes are made with one factorization; every later one has its own, where the shape is.
 PATIENCE = 6
 # Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
 RELAXATION_STEP = 100.0
