@@ -200,6 +200,18 @@ def test_the_speed_of_an_exact_flow_is_found_to_high_order(along):
     assert np.all(np.array(errors) < [2e-3, 5e-5, 4e-6])
 
 
+def test_on_a_rim_the_mesh_does_not_resolve_no_maximum_is_beyond_measure():
+    """A flat disk: three rings around its rim fold into one plane, where polynomials may swing."""
+    model, rest = sphere(Parameters(), 3)
+    r, mesh = rest.r * [2.0, 2.0, 0.15], model.mesh
+    x = r[:, 0] / np.abs(r[:, 0]).max()
+    values = (1.0 + x) ** 2
+    nodes = np.argsort(-values)[:12]
+    normals = geometry(r, mesh.faces).normals
+    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    assert 3.9 < found.max() < 5.2
+
+
 def test_the_largest_values_come_first_and_ties_in_order():
     values = np.random.default_rng(0).integers(0, 8, 200).astype(float)
     expected = np.argsort(-values, kind="stable")

@@ -327,14 +327,23 @@ def _climbed(k):  # type: ignore[no-untyped-def]
 
 @compiled
 def _fitted_maxima(nodes, row_start, columns, r, normals, values):  # type: ignore[no-untyped-def]
-    """Maxima near `nodes` of the polynomials fitted to each and the rings around it."""
+    """Maxima near `nodes` of the polynomials fitted to each and the rings around it.
+
+    None is farther above all values of its patch than these differ from the node to its neighbors:
+    on a rim that the mesh does not resolve a polynomial may swing beyond all measure.
+    """
     maxima = np.empty(len(nodes))
     patch, plane = np.empty(len(values), np.int64), np.empty((len(values), 2))
     for n in range(len(nodes)):
         patch[0] = nodes[n]
         size = _patch(RINGS, row_start, columns, patch)
         _plane(patch, size, r, normals, plane)
-        maxima[n] = _climbed(_polynomial(patch, size, plane, values))
+        top, high, low = values[nodes[n]], values[nodes[n]], values[nodes[n]]
+        for i in range(row_start[nodes[n]], row_start[nodes[n] + 1]):
+            high, low = max(high, values[columns[i]]), min(low, values[columns[i]])
+        for i in range(size):
+            top = max(top, values[patch[i]])
+        maxima[n] = min(_climbed(_polynomial(patch, size, plane, values)), top + high - low)
     return maxima
 
 

@@ -38,6 +38,8 @@ STEADY = 1e-5
 TURNING_ERROR = 0.1
 # More than so many times STEADY are a change that is none of turning.
 MOST_UNCLEAR = 4.0
+# Length of the start on a new mesh as a share of the step before it, which was of higher order.
+START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
 SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
@@ -158,6 +160,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
     dt, rejected = min(_next_length(step), time.max_step), step.rejected
+    if not kept:
+        dt *= START_AGAIN
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
         remaining = time.end - step.state.t

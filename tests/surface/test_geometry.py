@@ -21,6 +21,7 @@ from amoeboid.surface.operators import (
     scalar_matrix,
     stiffness,
 )
+from amoeboid.surface.relaxation import even_icosphere
 from surface.shapes import lumpy, observed_orders, sphere
 
 
@@ -78,11 +79,20 @@ def test_on_any_mesh_of_a_sphere_normals_and_curvature_are_exact():
     np.testing.assert_allclose(curvature, 2.0 / radius, rtol=1e-11)
 
 
-def test_dual_areas_are_positive_and_complete_on_obtuse_triangles():
-    flat = np.array([[0.0, 0, 0], [1, 0, 0], [0.5, 0.1, 0], [0.5, 0.05, 1.0]])
-    g = geometry(flat, np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]))
-    assert g.dual_areas.min() > 0
-    assert g.dual_areas.sum() == pytest.approx(g.area, rel=1e-14)
+def test_dual_areas_are_the_curvature_of_area_on_any_mesh_of_a_sphere():
+    """dA/dr.n = 2/R dual area, obtuse triangles and all; areas sum to the area."""
+    rng = np.random.default_rng(2)
+    for radius in (1.0, 3.0):
+        r, faces = even_icosphere(3)
+        r = r + 0.6 * np.sqrt(4 * np.pi / len(r)) * rng.uniform(-0.5, 0.5, r.shape)
+        r *= radius / np.linalg.norm(r, axis=1, keepdims=True)
+        g = geometry(r, faces)
+        corners = np.einsum("fai,fbi->fab", g.gradients, g.gradients)
+        obtuse = np.max(corners * (1 - np.eye(3)), axis=(1, 2)) > 0
+        assert obtuse.mean() > 0.1
+        along = np.einsum("vi,vi->v", area_gradient(g, faces), g.normals)
+        np.testing.assert_allclose(along, 2.0 / radius * g.dual_areas, rtol=1e-9, atol=1e-12)
+        assert g.dual_areas.sum() == pytest.approx(g.area, rel=1e-13)
 
 
 def test_mass_matrix_integrates_products_of_linear_functions():

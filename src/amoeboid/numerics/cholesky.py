@@ -66,7 +66,7 @@ class BlockCholesky:
     """
 
     def __init__(self, row_start: Index, columns: Index) -> None:
-        self.n = SIZE * (len(row_start) - 1)
+        self.n, self._entries = SIZE * (len(row_start) - 1), len(columns)
         self._fronts = fronts(row_start, columns, SIZE, MOST)
         self._updates = np.zeros(self._fronts.updates)
         self._unused: list[Array] = []
@@ -75,7 +75,7 @@ class BlockCholesky:
         """Factorize; `entries` (P, 3, 3) on the pattern. Raises SingularMatrix."""
         f = self._fronts
         panels = self._unused.pop() if self._unused else np.empty(f.panels)
-        blocks = np.ascontiguousarray(entries, dtype=float).reshape(-1, SIZE, SIZE)
+        blocks = np.ascontiguousarray(entries, dtype=float).reshape(self._entries, SIZE, SIZE)
         if not _factorized(
             blocks, f.table, f.down, f.across, f.entries, f.children, panels, self._updates
         ):
@@ -253,7 +253,7 @@ class CholeskyFactor:
     def solve(self, b: Array) -> Array:
         """Solution x of A x = b; b (n,) or (n, k)."""
         f = self._fronts
-        rhs = np.ascontiguousarray(b, dtype=float).reshape(len(b), -1)
+        rhs = np.ascontiguousarray(b, dtype=float).reshape(SIZE * len(f.order), -1)
         out = np.empty(rhs.shape)
         for begin in range(0, rhs.shape[1], VECTORS):
             vectors = 1 if rhs.shape[1] - begin == 1 else VECTORS

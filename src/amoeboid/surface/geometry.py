@@ -24,12 +24,13 @@ class Geometry:
     the hat function of corner a on face f, `gradients[f, a]` [1/length]; `node_areas` (V,): a
     third of the areas around each node, they sum to the area; `dual_areas` (V,): the share of each
     node as the stiffness matrix sees it, the part of the surface that is nearest to it, and they
-    sum to the area, too (M. Meyer et al., in Visualization and Mathematics III, 35, 2003: mixed
-    areas, >= 0 also where triangles are obtuse); `normals` (V, 3): unit vectors, exact where the
-    node and its neighbors lie on a sphere (N. Max, J. Graphics Tools 4, 1, 1999).
+    sum to the area, too (M. Meyer et al., in Visualization and Mathematics III, 35, 2003; with the
+    circumcenters of obtuse triangles where they are, outside, so that a share can be negative);
+    `normals` (V, 3): unit vectors, exact where the node and its neighbors lie on a sphere (N. Max,
+    J. Graphics Tools 4, 1, 1999).
 
     On nodes of a sphere of radius R the derivative of the area along the normals is 2/R dual_areas,
-    whatever the mesh, unless a triangle is obtuse.
+    whatever the mesh.
     """
 
     face_areas: Array
@@ -53,11 +54,6 @@ def geometry(r: Array, faces: Index) -> Geometry:
 @nested
 def _dual_shares(area, squares, share):  # type: ignore[no-untyped-def]
     # squares[a]: that of the edge opposite to corner a; dot: of the two edges that meet in a
-    for a in range(3):
-        b, c = (a + 1) % 3, (a + 2) % 3
-        if squares[b] + squares[c] < squares[a]:  # obtuse in a
-            share[a], share[b], share[c] = area / 2.0, area / 4.0, area / 4.0
-            return
     for a in range(3):
         share[a] = 0.0
         for b in ((a + 1) % 3, (a + 2) % 3):

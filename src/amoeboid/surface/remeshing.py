@@ -34,7 +34,8 @@ LONGEST, SHORTEST = 1.5, 0.6
 # A mesh is left alone until an edge or a triangle (quality 1 is equilateral) is beyond these: every
 # change takes the run its past, so that many are made at once.
 OVERLONG, OVERSHORT, POOR_QUALITY = 1.8, 0.45, 0.5
-# Where not all can be put right, a change is made if what is worst becomes that much less.
+# Where not all can be put right, a change is made if what is worst, or how much is beyond these
+# limits, becomes that much less.
 IMPROVEMENT = 0.8
 # Flips are looked for where a triangle is worse than this, ...
 GOOD_QUALITY = 0.7
@@ -79,10 +80,9 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
 
     The state keeps its filaments, the area A0 exactly and, up to the change of the polyhedron, its
     shape. What came before it has no place on the new mesh: a discrete surface changes its speed
-    with its mesh. So a change that does not make the worst clearly better is not made.
+    with its mesh. So a change is made only if it makes the mesh clearly better.
     """
-    worst = disorder(state.r, model.mesh.faces, model.edge_length)
-    if worst <= 1.0:
+    if disorder(state.r, model.mesh.faces, model.edge_length) <= 1.0:
         return model, state
     new, mesh = state, model.mesh
     # flips make room for more collapses
@@ -92,13 +92,31 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
             if change is None:
                 break
             new, mesh = carried(new, mesh, change), connectivity(change.faces)
-    if not disorder(new.r, mesh.faces, model.edge_length) < max(1.0, IMPROVEMENT * worst):
+    if not _better(new.r, mesh.faces, state.r, model.mesh.faces, model.edge_length):
         return model, state
     order, faces = narrow_numbering(mesh.faces)
     new = replace(new, r=new.r[order], c=new.c[order])
     new = replace(new, r=new.r + _swelling(new.r, faces, model.A0))
     new = _refilled(new, faces, state, model.mesh.faces)
     return Model(model.parameters, connectivity(faces), model.edge_length), new
+
+
+def _better(r: Array, faces: Index, old_r: Array, old_faces: Index, edge_length: float) -> bool:
+    """Whether a mesh is in order, or what is worst on it, or how much is beyond the limits, is less
+    than before by IMPROVEMENT."""
+    worst = disorder(r, faces, edge_length)
+    old_worst = disorder(old_r, old_faces, edge_length)
+    if worst <= max(1.0, IMPROVEMENT * old_worst):
+        return True
+    count, old_count = (_beyond(*mesh, edge_length) for mesh in ((r, faces), (old_r, old_faces)))
+    return worst <= old_worst and count <= IMPROVEMENT * old_count
+
+
+def _beyond(r: Array, faces: Index, edge_length: float) -> int:
+    """How many edges and triangles are beyond what is left alone."""
+    length = edges(r, faces).length / edge_length
+    poor = np.sum(triangle_quality(r, faces) < POOR_QUALITY)
+    return int(poor + np.sum(length < OVERSHORT) + np.sum(length > OVERLONG))
 
 
 def _swelling(r: Array, faces: Index, wanted: float) -> Array:

@@ -150,7 +150,7 @@ def _converged(changes: Sequence[float], allowed: float) -> bool:
     if len(changes) < 2:
         return False
     before, last = changes[-2:]
-    if last <= NO_CHANGE:
+    if last <= min(NO_CHANGE, allowed):
         return True
     left = last * last / (before - last) if last < before else np.inf
     solved = left <= min(CONVERGED * max(changes), allowed)

@@ -6,11 +6,12 @@ columns of C and L sum to zero: what leaves one node arrives at another, and wit
 is kept to rounding. SI `cdot`. The areas lump the mass matrix at the nodes where c is stored, which
 a steady state does not see; turnover is integrated as exactly as the flow is.
 
-Where the rear peak is sharper than the mesh, this linear scheme alone would oscillate below
-zero. There (and only there, at local Peclet numbers above about two) just enough diffusion between
-neighbors is added implicitly to rule that out, and returned explicitly as far as it makes no new
-extremum: algebraic flux correction (D. Kuzmin, M. Moller, S. Turek, Comput. Methods Appl. Mech.
-Eng. 193, 4915, 2004). It is conservative and keeps c >= 0 for any dt.
+Where the rear peak is sharper than the mesh, this linear scheme alone would oscillate below zero.
+There (at local Peclet numbers above about two; with turnover also where diffusion does not reach
+from node to node in a time 1/beta) just enough diffusion between neighbors is added implicitly to
+rule that out, and returned explicitly as far as it makes no new extremum: algebraic flux correction
+(D. Kuzmin, M. Moller, S. Turek, Comput. Methods Appl. Mech. Eng. 193, 4915, 2004). It is
+conservative and keeps c >= 0 for any dt.
 """
 
 from __future__ import annotations
