@@ -247,7 +247,8 @@ def _turning(model: Model, x: Array, g: Geometry, c: Array, change: Array) -> Ar
     gradient = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(x))
     gradient /= g.node_areas[:, None]
     # a step of iteration with the mass matrix: such a mean around a node is too flat
-    blurred = [product(mass(g, model.mesh), model.mesh, x) for x in gradient.T]
+    entries = mass(g, model.mesh)
+    blurred = [product(entries, model.mesh, slope) for slope in gradient.T]
     gradient = 2.0 * gradient - np.transpose(blurred) / g.node_areas[:, None]
     motions = [np.cross(axis, x) for axis in np.eye(3)]
     columns = [

@@ -8,7 +8,6 @@ from amoeboid.surface.geometry import (
     node_areas,
     volume,
     volume_centroid,
-    volume_gradient,
     weighted_area_gradient,
 )
 from amoeboid.surface.operators import (
@@ -22,7 +21,7 @@ from amoeboid.surface.operators import (
     stiffness,
 )
 from amoeboid.surface.relaxation import even_icosphere
-from surface.shapes import lumpy, observed_orders, sphere
+from surface.shapes import lumpy, observed_orders, sphere, volume_gradient
 
 
 def directional_derivative(f, r, d, step=1e-5):

@@ -57,9 +57,12 @@ class DominatedByDiagonal:
         return fronts(self._row_start, self._columns, 1, MOST)
 
     @cached_property
+    def _rows(self) -> Index:
+        return np.repeat(np.arange(self.n), np.diff(self._row_start))
+
+    @cached_property
     def _transposed(self) -> Index:
-        rows = np.repeat(np.arange(self.n), np.diff(self._row_start))
-        return np.lexsort((rows, self._columns))
+        return np.lexsort((self._rows, self._columns))
 
     @cached_property
     def _workspace(self) -> tuple[Array, Array, Array]:
@@ -72,8 +75,7 @@ class DominatedByDiagonal:
 
     @cached_property
     def _direct(self) -> GeneralBand:
-        rows = np.repeat(np.arange(self.n), np.diff(self._row_start))
-        return GeneralBand(rows, self._columns, self.n)
+        return GeneralBand(self._rows, self._columns, self.n)
 
     def solve(self, entries: Array, b: Array, guess: Array) -> Array:
         """Solution x (n,) of A x = b; `entries` on the pattern. Raises SingularMatrix.

@@ -285,28 +285,6 @@ def area_gradient(g: Geometry, faces: Index) -> Array:
     return weighted_area_gradient(g, faces, np.ones(len(faces)))
 
 
-def volume_gradient(r: Array, faces: Index) -> Array:
-    """Derivative of the volume with respect to the nodes, (V, 3) [length^2]."""
-    return np.asarray(_volume_gradient(r, faces))
-
-
-@compiled
-def _volume_gradient(r, faces):  # type: ignore[no-untyped-def]
-    gradient = np.zeros(r.shape)
-    for f in range(faces.shape[0]):
-        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            sixth = (
-                (r[j, p] - r[i, p]) * (r[k, q] - r[i, q])
-                - (r[j, q] - r[i, q]) * (r[k, p] - r[i, p])
-            ) / 6.0
-            gradient[i, d] += sixth
-            gradient[j, d] += sixth
-            gradient[k, d] += sixth
-    return gradient
-
-
 def scatter(corner_values: Array, faces: Index, n_nodes: int) -> Array:
     """Sum values given per face and corner (F, 3, d) to the nodes (V, d)."""
     return np.asarray(_scattered(np.ones(len(faces)), corner_values, faces, n_nodes))

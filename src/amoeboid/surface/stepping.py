@@ -75,11 +75,10 @@ def semi_implicit_step(
     the passes may take a small share of it. Raises StepFailed, SingularMatrix.
     """
     past = history[:2]
-    times, now = [state.t for state in past], past[0]
-    t = now.t + dt
-    scheme = backward_difference(times, t)
-    r_ahead = extrapolated(times, [state.r for state in past], t)
-    c_ahead = np.maximum(extrapolated(times, [state.c for state in past], t), 0.0)
+    now, t = past[0], past[0].t + dt
+    scheme = backward_difference([state.t for state in past], t)
+    r_ahead, c_ahead = _expected(past, t)
+    c_ahead = np.maximum(c_ahead, 0.0)
 
     known = scheme.combined([state.r for state in past])
     g = geometry(r_ahead, model.mesh.faces)
@@ -133,10 +132,15 @@ def local_error(
     """
     if len(history) == 1:
         return 0.0
+    share = error_share([state.t for state in history], t)
+    return share * difference(model, new, _expected(history, t), normals)
+
+
+def _expected(history: Sequence[State], t: float) -> tuple[Array, Array]:
+    """Nodes and concentration at time t, extrapolated from all of `history`."""
     times = [state.t for state in history]
-    r_ahead = extrapolated(times, [state.r for state in history], t)
-    c_ahead = extrapolated(times, [state.c for state in history], t)
-    return error_share(times, t) * difference(model, new, (r_ahead, c_ahead), normals)
+    r = extrapolated(times, [state.r for state in history], t)
+    return r, extrapolated(times, [state.c for state in history], t)
 
 
 def _converged(changes: Sequence[float], allowed: float) -> bool:
