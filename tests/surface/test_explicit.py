@@ -34,7 +34,7 @@ def stepped(model, state, dt, count, flow=None):
 
 def semi_implicit(model, state, dt, count):
     for _ in range(count):
-        state, flow = semi_implicit_step(model, (state,), dt)
+        state, flow, _ = semi_implicit_step(model, (state,), dt)
     return state, flow
 
 

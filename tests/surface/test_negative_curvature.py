@@ -129,7 +129,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     for count in (160, 320, 2560):
         history = (step.state,)
         for _ in range(count):
-            state, flow = semi_implicit_step(model, history, 0.1 / count)
+            state, flow, _ = semi_implicit_step(model, history, 0.1 / count)
             history = (state, *history[:1])
         ends.append((state, flow))
     for what, value in (

@@ -229,7 +229,7 @@ def ends_through_a_change(counts):
     for n in counts:
         dt, history = 0.2 / n, (begin,)
         for _ in range(n):
-            state, _ = semi_implicit_step(model, history, dt)
+            state, *_ = semi_implicit_step(model, history, dt)
             history = (state, *history[:2])
         other = Model(model.parameters, connectivity(change.faces), model.edge_length)
         state = carried(state, model.mesh, change)
@@ -237,7 +237,7 @@ def ends_through_a_change(counts):
         state, _, _ = starting_step(other, replace(state, r=state.r + swelling), dt, None, 1e-7)
         history = (state,)
         for _ in range(n - 1):
-            state, flow = semi_implicit_step(other, history, dt)
+            state, flow, _ = semi_implicit_step(other, history, dt)
             history = (state, *history[:2])
         yield state, flow
 

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -7,6 +8,7 @@ from hypothesis import strategies as st
 
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.numerics.multistep import extrapolated
+from amoeboid.numerics.passes import Pass
 from amoeboid.observables import filament_number, observed
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
@@ -35,7 +37,7 @@ POLARIZED = Parameters(D=0.4, v_p0=6.0)
 def short_run(model, state, steps=12, dt=0.05):
     history = (state,)
     for _ in range(steps):
-        state, flow = semi_implicit_step(model, history, dt)
+        state, flow, _ = semi_implicit_step(model, history, dt)
         history = (state, *history[:1])
     return state, flow
 
@@ -155,7 +157,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
 
         state = State(0.0, disturbed, field(disturbed), float(base_tension(p)), np.zeros(3))
         for _ in range(40):
-            state, _ = semi_implicit_step(model, (state,), 5e-6 / model.rate)
+            state, *_ = semi_implicit_step(model, (state,), 5e-6 / model.rate)
         left_behind = np.sqrt(np.mean((field(state.r) - field(disturbed)) ** 2))
         error = np.sqrt(np.mean((state.c - field(state.r)) ** 2))
         ratios.append(error / left_behind)
@@ -239,7 +241,7 @@ def ends_of_a_transient(delta_P, counts):
         for k in range(n):
             # steps that grow, as the controller lets them
             length = 0.4 * (((k + 1) / n) ** 1.5 - (k / n) ** 1.5)
-            state, flow = semi_implicit_step(model, history, length)
+            state, flow, _ = semi_implicit_step(model, history, length)
             history = (state, *history[:1])
         yield state, flow
 
@@ -266,17 +268,17 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
     """What further passes would change is a small part of what the first ones did."""
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))
-    first, _ = semi_implicit_step(model, (begin,), 0.05)
+    first, *_ = semi_implicit_step(model, (begin,), 0.05)
     history = (first, begin)
-    found, flow = semi_implicit_step(model, history, 0.1)
+    found, flow, _ = semi_implicit_step(model, history, 0.1)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-7)
     monkeypatch.setattr(stepping, "MOST_PASSES", 60)
-    solved, _ = semi_implicit_step(model, history, 0.1)
+    solved, *_ = semi_implicit_step(model, history, 0.1)
     times = [s.t for s in history]
     ahead = [extrapolated(times, [getattr(s, x) for s in history], found.t) for x in ("r", "c")]
     distance = difference(model, (solved.r, solved.c), ahead, flow.normals)
     left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
-    assert 0 < left < 0.06 * distance
+    assert 0 < left < 0.12 * distance
 
 
 def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
@@ -284,13 +286,13 @@ def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
     history = (perturbed(model, rest, Initial(perturbation=2.0)),)
     for _ in range(6):
-        state, _ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
+        state, *_ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
         history = (state, *history[:2])
-    found, flow = semi_implicit_step(model, history, 0.02, tolerance=0.0)
+    found, flow, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
     error = local_error(model, history, found.t, (found.r, found.c), flow.normals)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-9)
     monkeypatch.setattr(stepping, "MOST_PASSES", 60)
-    solved, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
+    solved, *_ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
     left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
     print(left, error)
     assert 0 < left < 0.4 * error
@@ -305,7 +307,7 @@ def test_a_start_knows_its_error(delta_P):
     new, flow, error = starting_step(model, now, dt, None, 1e-9)
     history = (now,)
     for _ in range(200):
-        state, _ = semi_implicit_step(model, history, dt / 200, tolerance=1e-9)
+        state, *_ = semi_implicit_step(model, history, dt / 200, tolerance=1e-9)
         history = (state, *history[:2])
     exact = difference(model, (new.r, new.c), (state.r, state.c), flow.normals)
     print(delta_P, error, exact)
@@ -313,15 +315,20 @@ def test_a_start_knows_its_error(delta_P):
 
 
 def test_passes_that_do_not_settle_are_no_step():
-    assert not stepping._converged([1.0], 1.0)
-    assert stepping._converged([1.0, 0.1], 1.0)
-    assert not stepping._converged([1.0, 0.5], 1.0)
-    assert not stepping._converged([1.0, 0.1], 1e-3)
+    def passes(*changes):
+        # each begins where the one before ended
+        ends = np.concatenate([[0.0], np.cumsum(changes)])
+        return [Pass(np.array([a]), np.array([b])) for a, b in pairwise(ends)]
+
+    assert not stepping._converged(passes(1.0), 1.0)
+    assert stepping._converged(passes(1.0, 0.1), 1.0)
+    assert not stepping._converged(passes(1.0, 0.5), 1.0)
+    assert not stepping._converged(passes(1.0, 0.1), 1e-3)
     with pytest.raises(StepFailed, match="do not converge"):
-        stepping._converged([1.0] * stepping.MOST_PASSES, 1.0)
+        stepping._converged(passes(*[1.0] * stepping.MOST_PASSES), 1.0)
     for broken in (np.nan, np.inf):
         with pytest.raises(StepFailed, match="not finite"):
-            stepping._converged([1.0, broken], 1.0)
+            stepping._converged(passes(1.0, broken), 1.0)
 
 
 def test_folded_and_degenerate_meshes_are_no_step():
@@ -372,3 +379,34 @@ def test_nothing_that_is_not_finite_is_accepted(field):
     values.flat[7] = np.nan
     with pytest.raises(ArithmeticError):
         semi_implicit_step(model, (replace(rest, **{field: values}),), 0.1)
+
+
+def test_overshoots_save_passes(monkeypatch):
+    """A soft cell on its way to the steady state, same steps to high accuracy with and without."""
+    model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
+    begin = perturbed(model, rest, Initial(perturbation=2.0))
+
+    def passes():
+        history, made = (begin,), 0
+        for _ in range(12):
+            state, *_ = semi_implicit_step(model, history, 0.1)
+            history = (state, *history[:1])
+            made += count.pop()
+        return made, state
+
+    count, converged = [], stepping._converged
+
+    def counted(passes, allowed):
+        done = converged(passes, allowed)
+        if done:
+            count.append(len(passes))
+        return done
+
+    monkeypatch.setattr(stepping, "_converged", counted)
+    monkeypatch.setattr(stepping, "CONVERGED", 1e-5)
+    few, end = passes()
+    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 0.0)
+    many, same = passes()
+    print(few, many)
+    assert few < 0.85 * many
+    np.testing.assert_allclose(end.c, same.c, rtol=1e-5)

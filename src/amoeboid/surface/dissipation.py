@@ -27,25 +27,19 @@ def dissipation_blocks(g: Geometry, mesh: Connectivity, eta_s: float, eta_b: flo
 @compiled
 def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b):  # type: ignore[no-untyped-def]
     blocks = np.zeros((n_slots, 3, 3))
-    tangent = np.empty((3, 3))
     for f in range(areas.shape[0]):
-        for p in range(3):
-            for q in range(3):
-                tangent[p, q] = -normals[f, p] * normals[f, q]
-            tangent[p, p] += 1.0
+        n, bulk, shear = normals[f], eta_b * areas[f], eta_s * areas[f]
         for a in range(3):
+            x = gradients[f, a]
             for b in range(a, 3):
+                y = gradients[f, b]
                 block, mirror = slots[f, a, b], slots[f, b, a]
-                overlap = 0.0
-                for d in range(3):
-                    overlap += gradients[f, a, d] * gradients[f, b, d]
+                even = shear * (x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
                 for p in range(3):
                     for q in range(3):
-                        entry = areas[f] * (
-                            eta_b * gradients[f, a, p] * gradients[f, b, q]
-                            + eta_s * gradients[f, b, p] * gradients[f, a, q]
-                            + eta_s * overlap * tangent[p, q]
-                        )
+                        entry = bulk * x[p] * y[q] + shear * y[p] * x[q] - even * n[p] * n[q]
+                        if p == q:
+                            entry += even
                         blocks[block, p, q] += entry
                         if a != b:
                             blocks[mirror, q, p] += entry
@@ -63,26 +57,24 @@ def viscous_stress(g: Geometry, mesh: Connectivity, v: Array, eta_s: float, eta_
 
 @compiled
 def _viscous_stress(normals, gradients, faces, v, eta_s, eta_b):  # type: ignore[no-untyped-def]
-    stress = np.zeros((faces.shape[0], 3, 3))
-    slope = np.empty((3, 3))
+    stress = np.empty((faces.shape[0], 3, 3))
     for f in range(faces.shape[0]):
-        n = normals[f]
+        i, j, k, n = faces[f, 0], faces[f, 1], faces[f, 2], normals[f]
         for p in range(3):
-            along = 0.0
-            for d in range(3):
-                slope[p, d] = 0.0
-            for a in range(3):
-                for d in range(3):
-                    slope[p, d] += gradients[f, a, p] * v[faces[f, a], d]
-            for d in range(3):
-                along += slope[p, d] * n[d]
-            for d in range(3):
-                slope[p, d] -= along * n[d]
-        trace = slope[0, 0] + slope[1, 1] + slope[2, 2]
+            # derivative of v along axis p, without its normal part
+            a, b, c = gradients[f, 0, p], gradients[f, 1, p], gradients[f, 2, p]
+            x = a * v[i, 0] + b * v[j, 0] + c * v[k, 0]
+            y = a * v[i, 1] + b * v[j, 1] + c * v[k, 1]
+            z = a * v[i, 2] + b * v[j, 2] + c * v[k, 2]
+            along = x * n[0] + y * n[1] + z * n[2]
+            stress[f, p, 0], stress[f, p, 1] = x - along * n[0], y - along * n[1]
+            stress[f, p, 2] = z - along * n[2]
+        bulk = eta_b * (stress[f, 0, 0] + stress[f, 1, 1] + stress[f, 2, 2])
         for p in range(3):
-            for q in range(3):
-                stress[f, p, q] = eta_s * (slope[p, q] + slope[q, p]) - eta_b * trace * n[p] * n[q]
-            stress[f, p, p] += eta_b * trace
+            for q in range(p):
+                even = eta_s * (stress[f, p, q] + stress[f, q, p]) - bulk * n[p] * n[q]
+                stress[f, p, q], stress[f, q, p] = even, even
+            stress[f, p, p] = 2.0 * eta_s * stress[f, p, p] + bulk * (1.0 - n[p] * n[p])
     return stress
 
 
@@ -97,7 +89,9 @@ def _stress_forces(areas, gradients, faces, stress, n_nodes):  # type: ignore[no
     forces = np.zeros((n_nodes, 3))
     for f in range(faces.shape[0]):
         for a in range(3):
+            v, area = faces[f, a], areas[f]
+            x, y, z = gradients[f, a, 0], gradients[f, a, 1], gradients[f, a, 2]
             for p in range(3):
-                for q in range(3):
-                    forces[faces[f, a], p] -= areas[f] * stress[f, p, q] * gradients[f, a, q]
+                pull = stress[f, p, 0] * x + stress[f, p, 1] * y + stress[f, p, 2] * z
+                forces[v, p] -= area * pull
     return forces

@@ -33,6 +33,7 @@ from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.geometry import (
     Geometry,
+    area_centroid,
     area_gradient,
     volume,
     volume_centroid,
@@ -107,9 +108,9 @@ def cortex(
     """
     p, mesh = model.parameters, model.mesh
     viscosity = p.eta_s + p.eta_b
-    stress = np.zeros((len(mesh.faces), 3, 3))
-    if v_c is not None:
-        stress = viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
+    if v_c is None:
+        v_c = np.zeros_like(r)
+    stress = viscous_stress(g, mesh, v_c, p.eta_s, p.eta_b)
     np.einsum("fii->fi", stress)[:] += zeta0
     tension = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
     dissipation = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
@@ -149,7 +150,8 @@ def force_balance(
     """
     p, mesh = model.parameters, model.mesh
     v_p = p.v_p(c)[:, None] * g.normals
-    force = p.delta_P * pressure_force(r, g, mesh.faces) - zeta0 * tension_force(r, g, mesh.faces)
+    push = p.delta_P * _pressure(r, g, mesh.faces)
+    force = normal_force(push - zeta0 * area_gradient(g, mesh.faces), r, g)
     if p.alpha > 0:
         # the stress -alpha c I acts like a negative, uneven tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
@@ -175,40 +177,9 @@ def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) 
     `drift` (3,) is what v_p adds to the first three. The forces that this takes vanish with the
     time step and the mesh width.
     """
-    excess, shares = _excess(v_c, free, kept)
+    excess = kept.T @ v_c
     excess[:3] += drift
-    return np.asarray(_without(v_c, free, np.linalg.solve(shares, excess)).reshape(-1, 3))
-
-
-@compiled
-def _excess(v, free, kept):  # type: ignore[no-untyped-def]
-    # row a of what follows: products of column a of `kept` with v and the columns of `free`
-    excess, shares = np.zeros(6), np.zeros((6, 6))
-    for a in range(6):
-        x, s0, s1, s2, s3, s4, s5 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for i in range(len(v)):
-            k = kept[i, a]
-            x += k * v[i]
-            s0 += k * free[i, 0]
-            s1 += k * free[i, 1]
-            s2 += k * free[i, 2]
-            s3 += k * free[i, 3]
-            s4 += k * free[i, 4]
-            s5 += k * free[i, 5]
-        excess[a] = x
-        shares[a, 0], shares[a, 1], shares[a, 2] = s0, s1, s2
-        shares[a, 3], shares[a, 4], shares[a, 5] = s3, s4, s5
-    return excess, shares
-
-
-@compiled
-def _without(v, free, shares):  # type: ignore[no-untyped-def]
-    rest = np.empty(len(v))
-    for i in range(len(v)):
-        rest[i] = v[i]
-        for a in range(6):
-            rest[i] -= free[i, a] * shares[a]
-    return rest
+    return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
 
 
 def constraints(r: Array, g: Geometry, faces: Index) -> Array:
@@ -217,7 +188,7 @@ def constraints(r: Array, g: Geometry, faces: Index) -> Array:
     With v = v_c + v_p, three: the volume times the velocity of its center. With v_c, three: its
     rotation.
     """
-    about = r - g.node_areas @ r / g.area
+    about = r - area_centroid(r, g)
     centered = r - volume_centroid(r, faces)
     return np.asarray(_constraints(centered, about, g.node_areas, g.normals).reshape(-1, 6))
 
@@ -227,8 +198,9 @@ def _constraints(centered, about, areas, normals):  # type: ignore[no-untyped-de
     columns = np.zeros((len(areas), 3, 6))
     for i in range(len(areas)):
         for d in range(3):
+            moment = areas[i] * centered[i, d]
             for e in range(3):
-                columns[i, e, d] = areas[i] * normals[i, e] * centered[i, d]
+                columns[i, e, d] = moment * normals[i, e]
             p, q = (d + 1) % 3, (d + 2) % 3
             columns[i, p, 3 + d] = -areas[i] * about[i, q]
             columns[i, q, 3 + d] = areas[i] * about[i, p]
@@ -248,8 +220,14 @@ def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
     hardly resolves it differs from it by percents. Raises SingularMatrix where the dual areas are
     no measure of the surface any more.
     """
-    force = normal_force(g.dual_areas[:, None] * g.normals, r, g)
-    factor = 3.0 * volume(r, faces) / np.vdot(force, r)
+    return normal_force(_pressure(r, g, faces), r, g)
+
+
+def _pressure(r: Array, g: Geometry, faces: Index) -> Array:
+    """`pressure_force` with the net force and torque that the mesh makes."""
+    force = g.dual_areas[:, None] * g.normals
+    # about the center of area, where what `normal_force` takes off does no such work
+    factor = 3.0 * volume(r, faces) / np.vdot(force, r - area_centroid(r, g))
     if not LEAST_FACTOR < factor < 1.0 / LEAST_FACTOR:
         raise SingularMatrix("the mesh must resolve the surface, its dual areas do not")
     return np.asarray(force * factor)
@@ -262,7 +240,7 @@ def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     error of the mesh; what the projection adds to them is spread over the surface and taken off.
     """
     # areas about their center: translation and rotation uncouple
-    center = g.node_areas @ r / g.area
+    center = area_centroid(r, g)
     size, shift, torque, inertia = _normal_moments(force, g.normals, r, center, g.node_areas)
     turn = np.linalg.solve(inertia, torque)
     return np.asarray(
@@ -313,7 +291,7 @@ def _without_rigid(size, normals, r, center, areas, shift, turn):  # type: ignor
 
 def rigid_motions(r: Array, g: Geometry) -> Array:
     """Three translations and three rotations about the center of area, columns (3V, 6)."""
-    return np.asarray(_rigid_motions(r, g.node_areas @ r / g.area).reshape(-1, 6))
+    return np.asarray(_rigid_motions(r, area_centroid(r, g)).reshape(-1, 6))
 
 
 @compiled

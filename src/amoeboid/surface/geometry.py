@@ -6,11 +6,12 @@ Nodes r (V, 3), faces (F, 3), float64. Lengths in the unit of r.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.compiled import compiled, nested
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.mesh import Index
 
 Array = NDArray[np.float64]
@@ -40,7 +41,7 @@ class Geometry:
     dual_areas: Array
     normals: Array
 
-    @property
+    @cached_property
     def area(self) -> float:
         """Surface area [length^2]."""
         return float(self.face_areas.sum())
@@ -51,16 +52,6 @@ def geometry(r: Array, faces: Index) -> Geometry:
     return Geometry(*_geometry(r, faces))
 
 
-@nested
-def _dual_shares(area, squares, share):  # type: ignore[no-untyped-def]
-    # squares[a]: that of the edge opposite to corner a; dot: of the two edges that meet in a
-    for a in range(3):
-        share[a] = 0.0
-        for b in ((a + 1) % 3, (a + 2) % 3):
-            dot = 0.5 * (squares[0] + squares[1] + squares[2]) - squares[b]
-            share[a] += 0.0625 * squares[b] * dot / area
-
-
 @compiled
 def _geometry(r, faces):  # type: ignore[no-untyped-def]
     n_faces, n_nodes = faces.shape[0], r.shape[0]
@@ -69,45 +60,48 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
     gradients = np.empty((n_faces, 3, 3))
     node_areas, dual_areas = np.zeros(n_nodes), np.zeros(n_nodes)
     normals = np.zeros((n_nodes, 3))
-    n, x = np.empty(3), np.empty((3, 3))
-    squares, share = np.empty(3), np.empty(3)
+    # numbers instead of small arrays: those would not be kept in registers
     for f in range(n_faces):
-        for a in range(3):
-            for d in range(3):
-                x[a, d] = r[faces[f, a], d]
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            n[d] = (x[1, p] - x[0, p]) * (x[2, q] - x[0, q]) - (x[1, q] - x[0, q]) * (
-                x[2, p] - x[0, p]
-            )
-        square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2]
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        # edges opposite to the corners i, j, k
+        ux, uy, uz = r[k, 0] - r[j, 0], r[k, 1] - r[j, 1], r[k, 2] - r[j, 2]
+        vx, vy, vz = r[i, 0] - r[k, 0], r[i, 1] - r[k, 1], r[i, 2] - r[k, 2]
+        wx, wy, wz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+        uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+        ww = wx * wx + wy * wy + wz * wz
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        square = nx * nx + ny * ny + nz * nz
         twice = np.sqrt(square)
-        areas[f] = 0.5 * twice
         over_twice, over_square = 1.0 / twice, 1.0 / square
-        for d in range(3):
-            face_normals[f, d] = n[d] * over_twice
-        for a in range(3):
-            b, c = (a + 1) % 3, (a + 2) % 3
-            squares[a] = 0.0
-            for d in range(3):
-                p, q = (d + 1) % 3, (d + 2) % 3
-                # n x (opposite edge) / (2 area)
-                gradients[f, a, d] = (
-                    n[p] * (x[c, q] - x[b, q]) - n[q] * (x[c, p] - x[b, p])
-                ) * over_square
-                squares[a] += (x[c, d] - x[b, d]) ** 2
-        _dual_shares(areas[f], squares, share)
-        for a in range(3):
-            node_areas[faces[f, a]] += areas[f] / 3.0
-            dual_areas[faces[f, a]] += share[a]
-            weight = 1.0 / (squares[(a + 1) % 3] * squares[(a + 2) % 3])
-            for d in range(3):
-                normals[faces[f, a], d] += weight * n[d]
+        areas[f] = 0.5 * twice
+        face_normals[f, 0] = nx * over_twice
+        face_normals[f, 1] = ny * over_twice
+        face_normals[f, 2] = nz * over_twice
+        third = areas[f] / 3.0
+        for a, x, y, z in ((0, ux, uy, uz), (1, vx, vy, vz), (2, wx, wy, wz)):
+            # n x (opposite edge) / (2 area)
+            gradients[f, a, 0] = (ny * z - nz * y) * over_square
+            gradients[f, a, 1] = (nz * x - nx * z) * over_square
+            gradients[f, a, 2] = (nx * y - ny * x) * over_square
+        for v, opposite, p, q in ((i, uu, vv, ww), (j, vv, ww, uu), (k, ww, uu, vv)):
+            node_areas[v] += third
+            # an eighth of the square of each edge at the corner times the cotangent opposite to it
+            shares = p * (opposite + q - p) + q * (opposite + p - q)
+            dual_areas[v] += 0.0625 * over_twice * shares
+            weight = 1.0 / (p * q)
+            normals[v, 0] += weight * nx
+            normals[v, 1] += weight * ny
+            normals[v, 2] += weight * nz
     for v in range(n_nodes):
         length = np.sqrt(normals[v, 0] ** 2 + normals[v, 1] ** 2 + normals[v, 2] ** 2)
         for d in range(3):
             normals[v, d] /= length
     return areas, face_normals, gradients, node_areas, dual_areas, normals
+
+
+def area_centroid(r: Array, g: Geometry) -> Array:
+    """Center of the surface (3,) [length], of the nodes weighted with their areas."""
+    return np.asarray(g.node_areas @ r / g.area)
 
 
 def normal_part(v: Array, normals: Array) -> Array:
@@ -135,12 +129,11 @@ def _face_vectors(r, faces):  # type: ignore[no-untyped-def]
     vectors = np.empty((faces.shape[0], 3))
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            vectors[f, d] = 0.5 * (
-                (r[j, p] - r[i, p]) * (r[k, q] - r[i, q])
-                - (r[j, q] - r[i, q]) * (r[k, p] - r[i, p])
-            )
+        ux, uy, uz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+        vx, vy, vz = r[k, 0] - r[i, 0], r[k, 1] - r[i, 1], r[k, 2] - r[i, 2]
+        vectors[f, 0] = 0.5 * (uy * vz - uz * vy)
+        vectors[f, 1] = 0.5 * (uz * vx - ux * vz)
+        vectors[f, 2] = 0.5 * (ux * vy - uy * vx)
     return vectors
 
 
@@ -157,22 +150,22 @@ def area_along(r: Array, faces: Index, direction: Array) -> tuple[float, float]:
 
 @compiled
 def _area_along(r, faces, direction):  # type: ignore[no-untyped-def]
-    u, v, n = np.empty(3), np.empty(3), np.empty(3)
-    du, dv, dn = np.empty(3), np.empty(3), np.empty(3)
-    total, growth = 0.0, 0.0
+    total, growth, e = 0.0, 0.0, direction
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        for d in range(3):
-            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
-            du[d], dv[d] = direction[j, d] - direction[i, d], direction[k, d] - direction[i, d]
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            n[d] = u[p] * v[q] - u[q] * v[p]
-            dn[d] = du[p] * v[q] - du[q] * v[p] + u[p] * dv[q] - u[q] * dv[p]
-        twice = np.sqrt(n[0] ** 2 + n[1] ** 2 + n[2] ** 2)
+        ux, uy, uz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+        vx, vy, vz = r[k, 0] - r[i, 0], r[k, 1] - r[i, 1], r[k, 2] - r[i, 2]
+        # how these edges change
+        ax, ay, az = e[j, 0] - e[i, 0], e[j, 1] - e[i, 1], e[j, 2] - e[i, 2]
+        bx, by, bz = e[k, 0] - e[i, 0], e[k, 1] - e[i, 1], e[k, 2] - e[i, 2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        dnx = ay * vz - az * vy + uy * bz - uz * by
+        dny = az * vx - ax * vz + uz * bx - ux * bz
+        dnz = ax * vy - ay * vx + ux * by - uy * bx
+        twice = np.sqrt(nx * nx + ny * ny + nz * nz)
         total += 0.5 * twice
         if twice > 0.0:
-            growth += 0.5 * (n[0] * dn[0] + n[1] * dn[1] + n[2] * dn[2]) / twice
+            growth += 0.5 * (nx * dnx + ny * dny + nz * dnz) / twice
     return total, growth
 
 
@@ -184,16 +177,12 @@ def node_areas(r: Array, faces: Index) -> Array:
 @compiled
 def _node_areas(r, faces):  # type: ignore[no-untyped-def]
     node_areas = np.zeros(r.shape[0])
-    u, v = np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        for d in range(3):
-            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
-        square = 0.0
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            square += (u[p] * v[q] - u[q] * v[p]) ** 2
-        share = np.sqrt(square) / 6.0
+        ux, uy, uz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+        vx, vy, vz = r[k, 0] - r[i, 0], r[k, 1] - r[i, 1], r[k, 2] - r[i, 2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        share = np.sqrt(nx * nx + ny * ny + nz * nz) / 6.0
         node_areas[i] += share
         node_areas[j] += share
         node_areas[k] += share
@@ -237,15 +226,12 @@ def triangle_quality(r: Array, faces: Index) -> Array:
 @compiled
 def _triangle_quality(r, faces):  # type: ignore[no-untyped-def]
     quality = np.empty(faces.shape[0])
-    u, v = np.empty(3), np.empty(3)
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        uu, uv, vv = 0.0, 0.0, 0.0
-        for d in range(3):
-            u[d], v[d] = r[j, d] - r[i, d], r[k, d] - r[i, d]
-            uu += u[d] * u[d]
-            uv += u[d] * v[d]
-            vv += v[d] * v[d]
+        ux, uy, uz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+        vx, vy, vz = r[k, 0] - r[i, 0], r[k, 1] - r[i, 1], r[k, 2] - r[i, 2]
+        uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
+        uv = ux * vx + uy * vy + uz * vz
         twice = np.sqrt(max(uu * vv - uv * uv, 0.0))
         squares = 2.0 * (uu + vv - uv)
         quality[f] = 2.0 * np.sqrt(3.0) * twice / squares if squares > 0.0 else 0.0
@@ -268,9 +254,8 @@ def _extreme_edges(r, faces):  # type: ignore[no-untyped-def]
     for f in range(faces.shape[0]):
         for a in range(3):
             i, j = faces[f, a], faces[f, (a + 1) % 3]
-            square = 0.0
-            for d in range(3):
-                square += (r[j, d] - r[i, d]) ** 2
+            x, y, z = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
+            square = x * x + y * y + z * z
             low, high = min(low, square), max(high, square)
     return np.sqrt(low), np.sqrt(high)
 

@@ -26,11 +26,10 @@ def _stiffness(areas, gradients, slots, n_slots):  # type: ignore[no-untyped-def
     entries = np.zeros(n_slots)
     for f in range(areas.shape[0]):
         for a in range(3):
+            x, y, z = gradients[f, a, 0], gradients[f, a, 1], gradients[f, a, 2]
             for b in range(3):
-                overlap = 0.0
-                for d in range(3):
-                    overlap += gradients[f, a, d] * gradients[f, b, d]
-                entries[slots[f, a, b]] += areas[f] * overlap
+                p, q, w = gradients[f, b, 0], gradients[f, b, 1], gradients[f, b, 2]
+                entries[slots[f, a, b]] += areas[f] * (x * p + y * q + z * w)
     return entries
 
 
@@ -47,9 +46,10 @@ def mass(g: Geometry, mesh: Connectivity) -> Array:
 def _mass(areas, slots, n_slots):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
     for f in range(areas.shape[0]):
+        share = areas[f] / 12.0
         for a in range(3):
             for b in range(3):
-                entries[slots[f, a, b]] += areas[f] / (6.0 if a == b else 12.0)
+                entries[slots[f, a, b]] += 2.0 * share if a == b else share
     return entries
 
 
@@ -67,44 +67,36 @@ def tensile_stiffness(g: Geometry, mesh: Connectivity, stress: Array) -> Array:
 @compiled
 def _tensile_stiffness(areas, normals, gradients, slots, n_slots, stress):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
-    t, s = np.empty(3), np.empty(3)
-    along, across = np.empty(3), np.empty(3)
     for f in range(areas.shape[0]):
-        # tangent basis: along the gradient of corner 0, and across
-        length = np.sqrt(
-            gradients[f, 0, 0] ** 2 + gradients[f, 0, 1] ** 2 + gradients[f, 0, 2] ** 2
-        )
-        for d in range(3):
-            t[d] = gradients[f, 0, d] / length
-        for d in range(3):
-            p, q = (d + 1) % 3, (d + 2) % 3
-            s[d] = normals[f, p] * t[q] - normals[f, q] * t[p]
-        tt, ts, ss = 0.0, 0.0, 0.0
-        for p in range(3):
-            for q in range(3):
-                tt += t[p] * stress[f, p, q] * t[q]
-                ts += t[p] * stress[f, p, q] * s[q]
-                ss += s[p] * stress[f, p, q] * s[q]
+        # tangent basis: t along the gradient of corner 0, and s across
+        g, s = gradients[f], stress[f]
+        over = 1.0 / np.sqrt(g[0, 0] ** 2 + g[0, 1] ** 2 + g[0, 2] ** 2)
+        tx, ty, tz = g[0, 0] * over, g[0, 1] * over, g[0, 2] * over
+        nx, ny, nz = normals[f, 0], normals[f, 1], normals[f, 2]
+        sx, sy, sz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        ax = s[0, 0] * tx + s[0, 1] * ty + s[0, 2] * tz
+        ay = s[1, 0] * tx + s[1, 1] * ty + s[1, 2] * tz
+        az = s[2, 0] * tx + s[2, 1] * ty + s[2, 2] * tz
+        bx = s[0, 0] * sx + s[0, 1] * sy + s[0, 2] * sz
+        by = s[1, 0] * sx + s[1, 1] * sy + s[1, 2] * sz
+        bz = s[2, 0] * sx + s[2, 1] * sy + s[2, 2] * sz
+        tt, ss = tx * ax + ty * ay + tz * az, sx * bx + sy * by + sz * bz
+        ts = tx * bx + ty * by + tz * bz
         mean, half = 0.5 * (tt + ss), 0.5 * (tt - ss)
         radius = np.sqrt(half * half + ts * ts)
-        high, low = max(mean + radius, 0.0), max(mean - radius, 0.0)
-        if radius > 0.0:
-            even, uneven = 0.5 * (high + low), 0.5 * (high - low) / radius
-            tt, ts, ss = even + uneven * half, uneven * ts, even - uneven * half
-        else:
-            tt, ts, ss = high, 0.0, high
+        if mean < radius:  # compression in one direction, or in both
+            high = max(mean + radius, 0.0)
+            share = 0.5 * high / radius if radius > 0.0 else 0.0
+            tt, ts, ss = 0.5 * high + share * half, share * ts, 0.5 * high - share * half
         for a in range(3):
-            along[a], across[a] = 0.0, 0.0
-            for d in range(3):
-                along[a] += t[d] * gradients[f, a, d]
-                across[a] += s[d] * gradients[f, a, d]
-        for a in range(3):
+            along = tx * g[a, 0] + ty * g[a, 1] + tz * g[a, 2]
+            across = sx * g[a, 0] + sy * g[a, 1] + sz * g[a, 2]
+            first = areas[f] * (tt * along + ts * across)
+            second = areas[f] * (ts * along + ss * across)
             for b in range(3):
-                entries[slots[f, a, b]] += areas[f] * (
-                    tt * along[a] * along[b]
-                    + ts * (along[a] * across[b] + across[a] * along[b])
-                    + ss * across[a] * across[b]
-                )
+                entries[slots[f, a, b]] += first * (
+                    tx * g[b, 0] + ty * g[b, 1] + tz * g[b, 2]
+                ) + second * (sx * g[b, 0] + sy * g[b, 1] + sz * g[b, 2])
     return entries
 
 
@@ -120,19 +112,17 @@ def advection(g: Geometry, mesh: Connectivity, u: Array) -> Array:
 @compiled
 def _advection(areas, gradients, faces, slots, n_slots, u):  # type: ignore[no-untyped-def]
     entries = np.zeros(n_slots)
-    total = np.empty(3)
     for f in range(areas.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        for d in range(3):
-            total[d] = u[i, d] + u[j, d] + u[k, d]
+        x, y = u[i, 0] + u[j, 0] + u[k, 0], u[i, 1] + u[j, 1] + u[k, 1]
+        z = u[i, 2] + u[j, 2] + u[k, 2]
         for b in range(3):
-            v = faces[f, b]
+            # integral of phi_b u over the triangle, u linear: area (sum of u + u_b) / 12
+            v, share = faces[f, b], areas[f] / 12.0
+            p, q, w = share * (x + u[v, 0]), share * (y + u[v, 1]), share * (z + u[v, 2])
             for a in range(3):
-                # integral of phi_b u over the triangle, u linear: area (sum of u + u_b) / 12
-                flow = 0.0
-                for d in range(3):
-                    flow += (total[d] + u[v, d]) * gradients[f, a, d]
-                entries[slots[f, a, b]] += areas[f] * flow / 12.0
+                flow = p * gradients[f, a, 0] + q * gradients[f, a, 1] + w * gradients[f, a, 2]
+                entries[slots[f, a, b]] += flow
     return entries
 
 
@@ -179,10 +169,12 @@ def product(entries: Array, mesh: Connectivity, x: Array) -> Array:
 
 @compiled
 def _product(entries, row_start, columns, x):  # type: ignore[no-untyped-def]
-    y = np.zeros(len(row_start) - 1)
+    y = np.empty(len(row_start) - 1)
     for i in range(len(row_start) - 1):
+        total = 0.0
         for k in range(row_start[i], row_start[i + 1]):
-            y[i] += entries[k] * x[columns[k]]
+            total += entries[k] * x[columns[k]]
+        y[i] = total
     return y
 
 
@@ -193,12 +185,15 @@ def block_product(blocks: Array, mesh: Connectivity, v: Array) -> Array:
 
 @compiled
 def _block_product(blocks, row_start, columns, v):  # type: ignore[no-untyped-def]
-    product = np.zeros((len(row_start) - 1, 3))
+    product = np.empty((len(row_start) - 1, 3))
     for i in range(len(row_start) - 1):
+        x, y, z = 0.0, 0.0, 0.0
         for k in range(row_start[i], row_start[i + 1]):
-            for p in range(3):
-                for q in range(3):
-                    product[i, p] += blocks[k, p, q] * v[columns[k], q]
+            p, q, w = v[columns[k], 0], v[columns[k], 1], v[columns[k], 2]
+            x += blocks[k, 0, 0] * p + blocks[k, 0, 1] * q + blocks[k, 0, 2] * w
+            y += blocks[k, 1, 0] * p + blocks[k, 1, 1] * q + blocks[k, 1, 2] * w
+            z += blocks[k, 2, 0] * p + blocks[k, 2, 1] * q + blocks[k, 2, 2] * w
+        product[i, 0], product[i, 1], product[i, 2] = x, y, z
     return product
 
 

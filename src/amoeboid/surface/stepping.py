@@ -2,20 +2,22 @@
 
 Second order in time, with steps of any length: backward differences (numerics/multistep.py) for
 shape and concentration. The implicit equations are solved by a simplified Newton iteration from the
-extrapolated past: the viscous operator is factorized once a step, there, and anew only where that
-converges slowly, as on shapes whose resistance changes as they move. Linearized are viscosity,
-tension (on the normal motion), advection, diffusion and turnover. The area is exact after every
-step.
+extrapolated past, accelerated (numerics/passes.py): the viscous operator is factorized once a step,
+there, and anew only where that converges slowly, as on shapes whose resistance changes as they
+move. Linearized are viscosity, tension (on the normal motion), advection, diffusion and turnover.
+The area is exact after every step.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
+from amoeboid.numerics.passes import Pass, left_to_come, overshoot
 from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
@@ -43,7 +45,7 @@ LEAST_QUALITY = 0.02
 MESH_RELAXATION = 1.0
 # The implicit equations count as solved when what is still to come is no more than this share of
 # the largest change by a pass, ...
-CONVERGED = 0.05
+CONVERGED = 0.1
 # ... and no more than this share of the error of the step, or of the tolerance for it.
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
@@ -66,8 +68,8 @@ def semi_implicit_step(
     dt: float,
     before: Flow | None = None,
     tolerance: float = np.inf,
-) -> tuple[State, Flow]:
-    """The state after dt, and the flow that led there.
+) -> tuple[State, Flow, float]:
+    """The state after dt, the flow that led there, and the error of the step.
 
     `history`: the present state and, if there are, those of the steps before. Two make the step;
     from the present state alone it is of first order. `before`: the flow of the last step, on the
@@ -76,36 +78,46 @@ def semi_implicit_step(
     """
     past = history[:2]
     now, t = past[0], past[0].t + dt
-    scheme = backward_difference([state.t for state in past], t)
     r_ahead, c_ahead = _expected(past, t)
     c_ahead = np.maximum(c_ahead, 0.0)
 
-    known = scheme.combined([state.r for state in past])
+    known = _known(model, past, t)
+    r_known, implicit = known[0].r, known[0].dt
     g = geometry(r_ahead, model.mesh.faces)
-    near = cortex(model, r_ahead, g, scheme.dt, now.zeta0, None if before is None else before.v_c)
+    v_c = None if before is None else before.v_c
+    near = cortex(model, r_ahead, g, implicit, now.zeta0, v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
-    start = known + scheme.dt * drift
+    start = r_known + implicit * drift
 
-    numbers = [state.c * node_areas(state.r, model.mesh.faces) for state in past]
+    share, foreseen = _foreseen(history, t)
+    scaled = _Scales(1.0 / (model.parameters.c0 + c_ahead), g.normals / model.parameters.R0)
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
-    changes: list[float] = []
+    r_before, c_before = r, c
+    x = scaled.unknowns(r, c)
+    passes: list[Pass] = []
     while True:
-        if len(changes) >= PATIENCE:
-            near = cortex(model, r, g, scheme.dt, zeta0, v_c)
-        solution = force_balance(model, near, r, g, c, zeta0, r - known, v_c)
-        r_new, zeta0 = _area_preserving_move(model, start, g, solution, scheme.dt, zeta0)
+        if len(passes) >= PATIENCE:
+            near = cortex(model, r, g, implicit, zeta0, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c)
+        r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
         flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
-        g_new = geometry(r_new, model.mesh.faces)
-        c_new = _concentration(model, past, numbers, t, r_new, g_new, v, c)
-        changes.append(difference(model, (r_new, c_new), (r, c), g.normals))
-        r, c, g, v_c = r_new, c_new, g_new, flow.v_c
-        error = local_error(model, history, t, (r, c), flow.normals)
-        if _converged(changes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
+        v_c, g = flow.v_c, geometry(r_new, model.mesh.faces)
+        c_new = _concentration(model, known, r_new, g, v, c)
+        passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
+        error = share * difference(model, (r_new, c_new), foreseen, flow.normals)
+        if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
-    new = State(t, r, c, zeta0, _position(model, past, t, r, flow))
+        r, c = r_new, c_new
+        if len(passes) > 1:
+            ahead = overshoot(*passes[-2:])
+            r = r_new + ahead * (r_new - r_before)
+            c = np.maximum(c_new + ahead * (c_new - c_before), 0.0)
+            g = geometry(r, model.mesh.faces)
+        x, r_before, c_before = scaled.unknowns(r, c), r_new, c_new
+    new = State(t, r_new, c_new, zeta0, _position(model, past, t, r_new, flow))
     check_step(model, now, new)
-    return new, flow
+    return new, flow, error
 
 
 def starting_step(
@@ -116,9 +128,9 @@ def starting_step(
     Two implicit Euler steps of half the length; how far one of the whole length ends from there is
     their error. Damps what a new mesh has put out of balance, which no past could foresee.
     """
-    whole, _ = semi_implicit_step(model, (now,), dt, before, tolerance)
-    half, flow = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance)
-    new, flow = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance)
+    whole, _, _ = semi_implicit_step(model, (now,), dt, before, tolerance)
+    half, flow, _ = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance)
+    new, flow, _ = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance)
     return new, flow, difference(model, (new.r, new.c), (whole.r, whole.c), flow.normals)
 
 
@@ -130,10 +142,16 @@ def local_error(
     From the distance to the extrapolated past; nodes that move within the surface make no error.
     A single state knows of none: 0.
     """
-    if len(history) == 1:
-        return 0.0
-    share = error_share([state.t for state in history], t)
-    return share * difference(model, new, _expected(history, t), normals)
+    share, foreseen = _foreseen(history, t)
+    return share * difference(model, new, foreseen, normals)
+
+
+def _foreseen(history: Sequence[State], t: float) -> tuple[float, tuple[Array, Array]]:
+    """Nodes and concentration at time t as expected from all of `history`, and how much of the
+    distance to them is error of a step."""
+    times = [state.t for state in history]
+    share = error_share(times, t) if len(times) > 1 else 0.0
+    return share, _expected(history, t)
 
 
 def _expected(history: Sequence[State], t: float) -> tuple[Array, Array]:
@@ -143,24 +161,52 @@ def _expected(history: Sequence[State], t: float) -> tuple[Array, Array]:
     return r, extrapolated(times, [state.c for state in history], t)
 
 
-def _converged(changes: Sequence[float], allowed: float) -> bool:
-    """Whether passes that changed so much have solved the equations. Raises StepFailed.
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What is known of nodes `r` (V, 3) and `filaments` (V,) before an implicit step of dt."""
 
-    What is left to come is estimated from the last two changes, as a geometric series; `allowed`
-    of it is.
-    """
-    if not np.isfinite(changes[-1]):
+    r: Array
+    filaments: Array
+    dt: float
+
+
+def _known(model: Model, past: Sequence[State], t: float) -> list[_Known]:
+    """The known part of the step to time t, of second order if the past allows, and of first."""
+    numbers = [state.c * node_areas(state.r, model.mesh.faces) for state in past]
+    known = []
+    for order in range(len(past), 0, -1):
+        scheme = backward_difference([state.t for state in past[:order]], t)
+        r = scheme.combined([state.r for state in past])
+        known.append(_Known(r, scheme.combined(numbers), scheme.dt))
+    return known
+
+
+@dataclass(frozen=True, eq=False)
+class _Scales:
+    """Scales of the unknowns while a step is solved for: `c` (V,), `r` (V, 3) along the normals."""
+
+    c: Array
+    r: Array
+
+    def unknowns(self, r: Array, c: Array) -> Array:
+        """Relative concentration and normal position (2V,)."""
+        return np.concatenate([c * self.c, np.einsum("vi,vi->v", r, self.r)])
+
+
+def _converged(passes: Sequence[Pass], allowed: float) -> bool:
+    """Whether the passes have solved the equations up to what is `allowed`. Raises StepFailed."""
+    last = passes[-1].change
+    if not np.isfinite(last):
         raise StepFailed("a node position or concentration is not finite")
-    if len(changes) < 2:
+    if len(passes) < 2:
         return False
-    before, last = changes[-2:]
     if last <= min(NO_CHANGE, allowed):
         return True
-    left = last * last / (before - last) if last < before else np.inf
-    solved = left <= min(CONVERGED * max(changes), allowed)
-    if not solved and len(changes) >= MOST_PASSES:
+    largest = max(one.change for one in passes)
+    solved = left_to_come(*passes[-2:]) <= min(CONVERGED * largest, allowed)
+    if not solved and len(passes) >= MOST_PASSES:
         raise StepFailed("the implicit equations of the step do not converge")
-    return bool(solved)
+    return solved
 
 
 def difference(
@@ -176,25 +222,20 @@ def difference(
 
 def _concentration(
     model: Model,
-    past: Sequence[State],
-    numbers: Sequence[Array],
-    t: float,
+    known: Sequence[_Known],
     r: Array,
     g: Geometry,
     v: Array,
     c_ahead: Array,
 ) -> Array:
-    """The filament balance up to time t; `numbers` (V,) of filaments at the past nodes.
+    """The filament balance: c (V,) on the nodes r (V, 3) that filaments of velocity v reach.
 
     Where second order would make c negative it is of first order.
     """
-    times = [state.t for state in past]
-    for order in range(len(past), 0, -1):
-        backward = backward_difference(times[:order], t)
-        mesh_velocity = (r - backward.combined([state.r for state in past])) / backward.dt
-        stock = backward.combined(numbers)
-        if stock.min() >= 0:
-            c = transported(model, stock, g, v - mesh_velocity, backward.dt, c_ahead)
+    for before in known:
+        if before.filaments.min() >= 0:
+            relative = v - (r - before.r) / before.dt
+            c = transported(model, before.filaments, g, relative, before.dt, c_ahead)
             if c.min() >= -ROUNDING * c.max():
                 return np.maximum(c, 0.0)
     raise StepFailed("the concentration would become negative, or is not finite")

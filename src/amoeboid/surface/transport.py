@@ -49,8 +49,9 @@ def transported(
 def exchange(model: Model, g: Geometry, velocity: Array) -> Array:
     """Entries (P,) of C(velocity) - D L - beta M: what c makes nodes gain by flow and turnover."""
     p, mesh = model.parameters, model.mesh
-    entries = advection(g, mesh, velocity) - p.D * stiffness(g, mesh)
-    return np.asarray(entries - p.beta * mass(g, mesh))
+    return np.asarray(
+        advection(g, mesh, velocity) - p.D * stiffness(g, mesh) - p.beta * mass(g, mesh)
+    )
 
 
 def added_diffusion(entries: Array, model: Model) -> Array:
