@@ -9,7 +9,7 @@ from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.numerics.multistep import backward_difference
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
-from amoeboid.surface.stepping import difference, local_error, semi_implicit_step
+from amoeboid.surface.stepping import difference, local_error, semi_implicit_step, starting_step
 from amoeboid.validation import InvalidInput
 
 QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
@@ -165,6 +165,22 @@ def test_step_lengths_follow_from_the_error():
             assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
             compared += wanted < 2.0 * step.dt
     assert compared > 3
+
+
+def test_step_lengths_follow_from_the_error_of_a_short_past():
+    """(tolerance/error)^(1/2): after a start, and after the step from two past states."""
+    first = start(QUICK)
+    model, dt, tolerance = first.model, 0.04, 3e-5
+    begun = next(evolve(replace(first, next_dt=dt), Time(max_step=10.0, tolerance=tolerance)))
+    _, _, of_start = starting_step(model, first.state, dt, first.flow, tolerance)
+    second = next(evolve(replace(begun, next_dt=dt), Time(max_step=10.0, tolerance=10 * tolerance)))
+    new = second.state
+    of_second = local_error(model, begun.history, new.t, (new.r, new.c), second.flow.normals)
+    for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
+        assert step.dt == pytest.approx(dt)
+        growth = simulation.SAFETY * error ** (-1 / 2)
+        assert simulation.MOST_SHRINKING < growth < simulation.MOST_GROWTH
+        assert step.next_dt == pytest.approx(growth * dt)
 
 
 def test_a_last_step_cut_short_does_not_shorten_the_next():
