@@ -308,8 +308,6 @@ def _climbed(k):  # type: ignore[no-untyped-def]
         mean, half = 0.5 * (fxx + fyy), 0.5 * (fxx - fyy)
         radius = np.sqrt(half * half + fxy * fxy)
         one, two = abs(mean + radius), abs(mean - radius)
-        if max(one, two) == 0.0:
-            break
         one, two = max(one, FLATTEST * two), max(two, FLATTEST * one)
         angle = 0.5 * np.arctan2(fxy, half)
         cos, sin = np.cos(angle), np.sin(angle)
@@ -319,7 +317,7 @@ def _climbed(k):  # type: ignore[no-untyped-def]
         if distance > REACH:
             to_x, to_y = REACH / distance * to_x, REACH / distance * to_y
         f, gx, gy, gxx, gxy, gyy = _value_and_slopes(k, to_x, to_y)
-        if not f > best:
+        if not f > best:  # also without any curvature, where f is not a number
             break
         x, y, best, fx, fy, fxx, fxy, fyy = to_x, to_y, f, gx, gy, gxx, gxy, gyy
     return best
