@@ -5,6 +5,8 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
+from pathlib import Path
 
 import pytest
 
@@ -23,7 +25,10 @@ RUN_KEYS = {
     "steady",
     "output",
 }
-COMMAND = [sys.executable, "-c", "import sys; from amoeboid.cli.main import main; sys.exit(main())"]
+PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+MODULE, FUNCTION = PROJECT["scripts"]["amoeboid"].split(":")
+PROGRAM = f"import sys; from {MODULE} import {FUNCTION}; sys.exit({FUNCTION}())"
+COMMAND = [sys.executable, "-c", PROGRAM]
 
 
 def test_json_is_one_object_and_nothing_else(tmp_path, capsys):
@@ -314,3 +319,48 @@ def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
     assert not [name for _, _, files in os.walk(folder) for name in files if "partial" in name]
     end = str(manifest["t"] + 0.5)
     assert main(["run", "--resume", str(folder), "--set", f"time.end={end}", "--json"]) == 0
+
+
+# Ctrl-C when a module is looked for, in a callback whose exceptions Python ignores.
+CTRL_C_AT = """
+import os, signal, sys
+from {module} import {function}
+
+class Dying:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+        for _ in range(10):
+            pass
+
+class Finder:
+    def find_spec(self, name, path=None, target=None):
+        if name == {name!r}:
+            Dying()
+
+sys.meta_path.insert(0, Finder())
+signal.signal(signal.SIGINT, {handler})
+sys.exit({function}())
+"""
+
+
+def run_with_ctrl_c_at(name, folder, handler="signal.default_int_handler"):
+    code = CTRL_C_AT.format(module=MODULE, function=FUNCTION, name=name, handler=handler)
+    run = [sys.executable, "-c", code, "run", *QUICK, "--set", "time.end=0.01", "-o", str(folder)]
+    return subprocess.run(run, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize(
+    "name", ["amoeboid.cli.main", "amoeboid.cli.bench", "numpy", "numba", "amoeboid.store"]
+)
+def test_ctrl_c_during_imports_ends_the_program_quietly(name, tmp_path):
+    """An exception would be lost in such a place, and the program would go on."""
+    done = run_with_ctrl_c_at(name, tmp_path / "run")
+    assert (done.returncode, done.stdout) == (130, ""), done.stderr
+    assert done.stderr == "amoeboid: interrupted\n"
+    assert not (tmp_path / "run").exists()
+
+
+def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
+    """As in the background of a shell."""
+    done = run_with_ctrl_c_at("amoeboid.cli.main", tmp_path / "run", handler="signal.SIG_IGN")
+    assert done.returncode == 0, done.stderr

@@ -101,7 +101,7 @@ def test_a_stretched_mesh_is_put_in_order_and_keeps_what_it_carries(factor, seed
 
 
 def test_flips_make_room_for_the_collapses_that_were_refused():
-    """What the first round cannot do a second one does: the mesh is in order, with room to spare."""
+    """What the first round cannot do a second one does: the mesh is well in order."""
     for seed in range(8):
         model, state = stretched(2.2, seed=seed)
         new, now = remeshed(model, state)

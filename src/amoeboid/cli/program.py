@@ -1,0 +1,42 @@
+"""The installed command: `main`, with Ctrl-C ending it quietly from the first import on."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import suppress
+from types import FrameType
+
+# KeyboardInterrupt in the middle of their work is lost (in a callback), or crashes the compiler.
+NOT_TO_BE_INTERRUPTED = {"importlib", "numba", "llvmlite"}
+INTERRUPTED = 130
+
+
+def program() -> int:
+    """Run the command that the arguments ask for; returns the exit code."""
+    # otherwise Ctrl-C is ignored, as in the background of a shell, and stays so
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _interrupt)
+    try:
+        from amoeboid.cli.main import main
+
+        return main()
+    except KeyboardInterrupt:
+        _say()
+        return INTERRUPTED
+
+
+def _interrupt(_: int, frame: FrameType | None) -> None:
+    """KeyboardInterrupt, or where that is not safe the end of the program."""
+    while frame is not None:
+        if frame.f_globals.get("__name__", "").partition(".")[0] in NOT_TO_BE_INTERRUPTED:
+            _say()
+            os._exit(INTERRUPTED)
+        frame = frame.f_back
+    raise KeyboardInterrupt
+
+
+def _say() -> None:
+    # a handler may find the stream of Python busy
+    with suppress(OSError):
+        os.write(2, b"amoeboid: interrupted\n")
