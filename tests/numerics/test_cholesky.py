@@ -1,7 +1,9 @@
 """The sparse Cholesky factorization and its order, on meshes of every kind."""
 
+import copy
 import gc
 import os
+import pickle
 import subprocess
 import sys
 
@@ -144,6 +146,15 @@ def test_memory_of_factors_no_longer_in_use_is_used_again():
         structure.factor(-entries)
     assert len(structure._unused) == 2
     del factor
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickle.dumps])
+def test_a_factor_whose_memory_would_be_used_again_is_not_copied(copied):
+    r, mesh = lumpy(1)
+    factor = solver(mesh).factor(force_balance(r, mesh))
+    with pytest.raises(TypeError, match="cannot be copied"):
+        copied(factor)
+    assert np.all(np.isfinite(factor.solve(np.ones(3 * len(r)))))
 
 
 @pytest.mark.parametrize("node", [0, 17, 161])

@@ -8,6 +8,7 @@ filled up to whole tiles.
 from __future__ import annotations
 
 import weakref
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -245,10 +246,13 @@ def _backward(table, order, boundary, panels, x, vectors, local, solved, begin, 
 
 
 class CholeskyFactor:
-    """A factorized matrix."""
+    """A factorized matrix. It cannot be copied: its memory is used again when it is gone."""
 
     def __init__(self, analysis: Fronts, panels: Array) -> None:
         self._fronts, self._panels = analysis, panels
+
+    def __reduce__(self) -> NoReturn:
+        raise TypeError("a factor cannot be copied, its memory is used again; factorize once more")
 
     def solve(self, b: Array) -> Array:
         """Solution x of A x = b; b (n,) or (n, k)."""
