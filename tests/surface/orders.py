@@ -3,19 +3,24 @@
 import numpy as np
 
 
-def measured_orders(ends, counts):
-    """Order in dt of everything a step finds, against the last end."""
-    *ends, (last, last_flow) = ends
+def measured_orders(runs, counts):
+    """Order in dt of everything a step finds, against the last run.
+
+    A run is a list of (state, flow) at times that all of them share; the largest error counts.
+    """
+    *runs, last = runs
     quantities = {
-        "c": lambda s, f: s.c - last.c,
-        "shape": lambda s, f: np.einsum("vi,vi->v", s.r - last.r, last_flow.normals),
-        "v": lambda s, f: f.v - last_flow.v,
-        "position": lambda s, f: s.position - last.position,
-        "zeta0": lambda s, f: s.zeta0 - last.zeta0,
+        "c": lambda s, f, at, flow: s.c - at.c,
+        "shape": lambda s, f, at, flow: np.einsum("vi,vi->v", s.r - at.r, flow.normals),
+        "v": lambda s, f, at, flow: f.v - flow.v,
+        "position": lambda s, f, at, flow: s.position - at.position,
+        "zeta0": lambda s, f, at, flow: s.zeta0 - at.zeta0,
     }
     orders = {}
     for name, error in quantities.items():
-        errors = [np.abs(error(s, f)).max() for s, f in ends]
+        errors = [
+            max(np.abs(error(*a, *b)).max() for a, b in zip(run, last, strict=True)) for run in runs
+        ]
         orders[name] = -np.polyfit(np.log(counts[:-1]), np.log(errors), 1)[0]
         print(name, errors, orders[name])
     return orders

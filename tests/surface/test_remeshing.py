@@ -250,7 +250,7 @@ def ends_through_a_change(counts):
         for _ in range(n - 1):
             state, flow, _ = semi_implicit_step(other, history, dt)
             history = (state, *history[:2])
-        yield state, flow
+        yield [(state, flow)]
 
 
 def test_a_neck_of_three_nodes_is_not_pinched_off():

@@ -232,23 +232,28 @@ def test_units_do_not_matter():
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-7)
 
 
-def ends_of_a_transient(delta_P, counts):
-    """The whole transient from a perturbed sphere, in steps of all lengths scaled together."""
+def transients(delta_P, counts, compared=1):
+    """The whole transient from a perturbed sphere, in steps of all lengths scaled together.
+
+    Of each run what it finds at its end, or at so many times all over it.
+    """
     model, rest = sphere(replace(POLARIZED, delta_P=delta_P), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))
     for n in counts:
-        history = (begin,)
+        history, found = (begin,), []
         for k in range(n):
             # steps that grow, as the controller lets them
             length = 0.4 * (((k + 1) / n) ** 1.5 - (k / n) ** 1.5)
             state, flow, _ = semi_implicit_step(model, history, length)
             history = (state, *history[:1])
-        yield state, flow
+            if (k + 1) % (n // compared) == 0:
+                found.append((state, flow))
+        yield found
 
 
 def test_the_step_is_second_order_in_time():
     counts = (40, 80, 160, 1280)
-    orders = measured_orders(ends_of_a_transient(300.0, counts), counts)
+    orders = measured_orders(transients(300.0, counts), counts)
     assert abs(orders["c"] - 2) < 0.2
     assert abs(orders["shape"] - 2) < 0.2
     assert abs(orders["v"] - 2) < 0.3
@@ -257,11 +262,16 @@ def test_the_step_is_second_order_in_time():
 @pytest.mark.slow
 @pytest.mark.parametrize("delta_P", [11.0, 300.0])
 def test_everything_is_second_order_in_time(delta_P):
+    """The largest errors of the whole transient.
+
+    At one time an error may pass through zero, or be so small that the next order is still seen.
+    The first time is that of the eighth of 320 steps: the tension at the end of the very first
+    step, which has no past, is of first order, and later ones hardly depend on it.
+    """
     counts = (320, 640, 1280, 10240)
-    orders = measured_orders(ends_of_a_transient(delta_P, counts), counts)
+    orders = measured_orders(transients(delta_P, counts, compared=40), counts)
     for name, order in orders.items():
-        # the tension is off by 1e-9 of itself, so little that the next order is still seen
-        assert abs(order - 2) < (0.4 if name == "zeta0" else 0.2), name
+        assert abs(order - 2) < 0.2, name
 
 
 def test_the_passes_solve_the_implicit_equations(monkeypatch):
