@@ -53,7 +53,7 @@ def test_every_step_is_read_back_with_the_same_bits(scheme, steps, tmp_path):
     back = read_checkpoint(path)
     assert back.config == config
     assert back.frame_times == (step.state.t,)
-    for name in ("number", "next_dt", "rejected", "rate", "steady"):
+    for name in ("number", "next_dt", "rejected", "rate", "steady", "growth"):
         assert getattr(back.step, name) == getattr(step, name)
     assert back.step.model.edge_length == step.model.edge_length
     assert np.array_equal(back.step.model.mesh.faces, step.model.mesh.faces)
@@ -91,6 +91,7 @@ def with_one_thrice(faces):
 
 FLOAT_NAMES = (
     "numbers",
+    "growth",
     "frame_times",
     "edge_length",
     "history_r",
@@ -103,7 +104,7 @@ FLOAT_NAMES = (
 )
 LAYOUT = [
     (name, change)
-    for name in ("config", "step", "steady", "faces", *FLOAT_NAMES)
+    for name in ("config", "step", "steady", "growth_known", "faces", *FLOAT_NAMES)
     for change in (
         None,
         lambda a: a[None],
@@ -136,6 +137,8 @@ VALUES = [
     ("numbers", with_entry(0, -0.1)),
     ("numbers", with_entry(1, -1.0)),
     ("steady", lambda a: a.astype(int)),
+    ("steady", lambda a: ~a),
+    ("growth_known", lambda a: a.astype(int)),
     ("frame_times", lambda a: a[::-1]),
     ("frame_times", lambda a: a[:-1]),
     ("frame_times", lambda a: np.append(a, a[-1] + 1)),

@@ -6,12 +6,18 @@ import subprocess
 import sys
 import time
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from amoeboid import store
 from amoeboid.cli.main import COMMANDS, main
+from amoeboid.cli.run import _stability
+from amoeboid.config import Config, Mesh
+from amoeboid.parameters import Parameters
+from amoeboid.simulation import start
+from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
 RUN_KEYS = {
@@ -23,6 +29,7 @@ RUN_KEYS = {
     "steps",
     "wall_s",
     "steady",
+    "growth_rate",
     "output",
 }
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
@@ -364,3 +371,31 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
     """As in the background of a shell."""
     done = run_with_ctrl_c_at("amoeboid.cli.main", tmp_path / "run", handler="signal.SIG_IGN")
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("steady", "growth", "words"),
+    [
+        (True, -0.51234, "steady: its slowest disturbance decays at 0.512 per unit of time"),
+        (True, 0.004, "steady: its fastest disturbance grows at no more than 0.004 per unit"),
+        (False, 0.2, "unstable: its fastest disturbance grows at 0.2 per unit of time"),
+        (False, None, "not steady: it still changes"),
+        (False, -0.5, "not steady: it still changes"),
+    ],
+)
+def test_a_run_says_what_becomes_of_small_disturbances(steady, growth, words):
+    step = replace(start(Config(mesh=Mesh(subdivisions=1))), steady=steady, growth=growth)
+    assert words in _stability(step)
+
+
+def test_the_growth_rate_is_told_and_kept(tmp_path, capsys):
+    folder = tmp_path / "run"
+    run = ["run", "--set", "mesh.subdivisions=1", "--set", "v_p0=5", "-o", str(folder)]
+    assert main(run) == 0
+    assert "slowest disturbance decays at 0." in " ".join(capsys.readouterr().out.split())
+    summary = json.loads((folder / "manifest.json").read_text())["summary"]
+    assert summary["steady"]
+    # lambda_1 of the homogeneous cell at the default D, on a mesh of 42 nodes
+    assert summary["growth_rate"] == pytest.approx(
+        growth_rate(Parameters(D=0.4, v_p0=5.0), 1), rel=0.05
+    )

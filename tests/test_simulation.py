@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from amoeboid import simulation
+from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.numerics.multistep import backward_difference
 from amoeboid.parameters import Parameters
@@ -273,3 +274,107 @@ def test_a_run_that_cannot_go_on_says_why_and_keeps_its_good_steps():
             good.append(step)
     assert all(np.all(np.isfinite(s.state.c)) and s.state.c.min() >= 0 for s in good)
     assert all(np.all(np.isfinite(s.state.r)) and np.isfinite(s.rate) for s in good)
+
+
+UNSTABLE = Config(parameters=Parameters(D=0.4, v_p0=8.0, delta_P=20.0), mesh=Mesh(subdivisions=2))
+BENDS = 50.0  # where the cell seems steady, at t = 56, the state is unstable to m = 1
+
+
+def headings(steps):
+    """Directions from step to step in the laboratory frame."""
+    way = np.diff([step.state.position for step in steps], axis=0)
+    return way / np.linalg.norm(way, axis=1)[:, None]
+
+
+def test_a_straight_cell_that_is_unstable_is_not_steady_and_turns(monkeypatch):
+    config = replace(UNSTABLE, time=Time(end=130.0))
+    _, steps = steps_of(config)
+    # it seemed steady, and headed straight until then
+    known = [step for step in steps if step.growth is not None]
+    assert known
+    assert 0.05 < known[0].growth < 0.4
+    assert known[0].state.t > BENDS
+    directions = headings(steps)
+    place = steps.index(known[0])
+    assert directions[place] @ directions[place // 2] > 0.999
+    # then the disturbance took it off its way
+    assert steps[-1].ended == "end of time"
+    assert (directions[place:] @ directions[place]).min() < 0.5
+    # without the analysis it ends there
+    monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: -1.0)
+    _, before = steps_of(config)
+    assert before[-1].ended == "steady"
+    assert before[-1].number == known[0].number
+
+
+def test_stability_is_found_once_and_a_run_continued_goes_on_as_the_uninterrupted_one(
+    monkeypatch, tmp_path
+):
+    calls, found = [], simulation.leading_growth_rate
+
+    def counted(*args):
+        calls.append(1)
+        return found(*args)
+
+    monkeypatch.setattr(simulation, "leading_growth_rate", counted)
+    config = replace(UNSTABLE, time=Time(end=70.0))
+    _, steps = steps_of(config)
+    known = [step for step in steps if step.growth is not None]
+    assert len(known) > 2
+    assert len({step.growth for step in known}) == len(calls)
+    assert len(calls) < 3
+    path = tmp_path / "checkpoint.npz"
+    write_checkpoint(path, Checkpoint(config, known[1], (known[1].state.t,)))
+    count = len(calls)
+    again = list(evolve(read_checkpoint(path).step, config.time))
+    rest = steps[steps.index(known[1]) + 1 :]
+    assert [(s.growth, s.steady, s.rate) for s in again] == [
+        (s.growth, s.steady, s.rate) for s in rest
+    ]
+    assert np.array_equal(again[-1].state.c, rest[-1].state.c)
+    assert len(calls) - count == len({s.growth for s in rest if s.growth} - {known[1].growth})
+
+
+def test_stability_is_found_anew_after_the_cell_has_changed(monkeypatch):
+    _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
+    rates = iter([1.0, 0.5e-5, 0.4e-5, 1e-3, 0.5e-5, 0.6e-5, 0.3e-5])
+    growths = iter([0.5, -0.5])
+    monkeypatch.setattr(
+        simulation, "_rate", lambda *_: (rate := next(rates), rate < simulation.STEADY)
+    )
+    monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: next(growths))
+    step, found = steps[-1], []
+    for _ in range(7):
+        step = simulation._accepted(step, step.model, step.history, step.flow, 0.1, 0)
+        found.append((step.growth, step.steady))
+    assert found == [
+        (None, False),
+        (0.5, False),
+        (0.5, False),
+        (None, False),
+        (-0.5, True),
+        (-0.5, False),
+        (-0.5, True),
+    ]
+
+
+def test_a_state_whose_stability_cannot_be_found_is_not_steady(monkeypatch):
+    def failing(*_):
+        raise simulation.StepFailed("no step")
+
+    monkeypatch.setattr(simulation, "leading_growth_rate", failing)
+    _, steps = steps_of(replace(QUICK, time=Time(end=40.0)))
+    assert steps[-1].ended == "end of time"
+    assert steps[-1].rate < simulation.STEADY
+    assert not any(step.steady for step in steps)
+
+
+def test_a_sphere_exactly_at_rest_above_its_threshold_is_not_steady():
+    config = replace(
+        QUICK,
+        parameters=Parameters(D=0.4, v_p0=7.0),
+        initial=Initial(perturbation=0.0),
+        time=Time(end=10.0),
+    )
+    _, steps = steps_of(config)
+    assert not any(step.steady for step in steps)

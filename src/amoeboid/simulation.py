@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.explicit import explicit_step
-from amoeboid.surface.geometry import Geometry, geometry, scatter, volume_centroid
+from amoeboid.surface.geometry import Geometry, geometry, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.operators import mass, product
 from amoeboid.surface.remeshing import remeshed
+from amoeboid.surface.rigid import changes, gradient, rotations
+from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
     flow_of,
@@ -33,6 +34,10 @@ Array = NDArray[np.float64]
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 # Relative change within 1 / model.rate that counts as none, slow turning left out.
 STEADY = 1e-5
+# Growth rate of disturbances, in units of model.rate, above which a state is unstable: above what
+# the mesh leaves of neutral ones. Slower growth makes little of a disturbance in a run of the
+# default length.
+UNSTABLE = 0.01
 # Share of that turning which its gradients on a coarse mesh cannot tell from other changes.
 TURNING_ERROR = 0.1
 # More than so many times STEADY are a change that is none of turning.
@@ -51,9 +56,10 @@ class Step:
 
     `model` may have another mesh than that of the step before; `history`: the state and those
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
-    of shape and concentration in units of model.rate; `steady` if it vanishes and does not grow,
-    as it does at the slow start of an instability; `ended` says why the run ends here, None if it
-    goes on.
+    of shape and concentration in units of model.rate; `growth` the growth rate of the fastest
+    growing disturbance [1/T], None as long as the cell changes; `steady` if it does not change and
+    no disturbance grows, never of an initial state, whose stability is not looked at; `ended` says
+    why the run ends here, None if it goes on.
     """
 
     number: int
@@ -64,6 +70,7 @@ class Step:
     rejected: int
     rate: float
     steady: bool
+    growth: float | None = None
     ended: str | None = None
 
     @property
@@ -103,8 +110,8 @@ def _started(config: Config) -> Step:
     model, state = initial_state(config)
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
-    rate, steady = _rate(model, state, flow)
-    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate, steady)
+    rate, _ = _rate(model, state, flow)
+    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate, steady=False)
 
 
 def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
@@ -146,11 +153,7 @@ def _explicit(step: Step, time: Time) -> Step:
         state, flow = explicit_step(model, step.state, length, step.flow)
     except (StepFailed, InvalidInput) as error:
         raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
-    rate, still = _rate(model, state, flow)
-    history = (state, step.state)
-    return Step(
-        step.number + 1, model, history, flow, time.max_step, 0, rate, still and rate <= step.rate
-    )
+    return _accepted(step, model, (state, step.state), flow, time.max_step, 0)
 
 
 def _semi_implicit(step: Step, time: Time) -> Step:
@@ -186,11 +189,37 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         grown = min(time.max_step, float(factor) * length)
         # a last step cut short by time.end says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
-        rate, still = _rate(model, state, flow)
-        steady = still and rate <= step.rate
-        history = (state, *past[: KEPT - 1])
-        return Step(step.number + 1, model, history, flow, next_dt, rejected, rate, steady)
+        return _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
+
+
+def _accepted(
+    before: Step,
+    model: Model,
+    history: tuple[State, ...],
+    flow: Flow,
+    next_dt: float,
+    rejected: int,
+) -> Step:
+    """The step after `before`, with what is to be known of its state.
+
+    Stability is that of a state: it is found once, and holds as long as the cell stays still.
+    """
+    rate, still = _rate(model, history[0], flow)
+    steady, growth = False, before.growth if still else None
+    if still and rate <= before.rate:
+        growth = _growth(model, history[0], flow) if growth is None else growth
+        # a state whose stability could not be found is not known to last
+        steady = growth is not None and growth <= UNSTABLE * model.rate
+    return Step(before.number + 1, model, history, flow, next_dt, rejected, rate, steady, growth)
+
+
+def _growth(model: Model, state: State, flow: Flow) -> float | None:
+    """`leading_growth_rate`, None where it cannot be found."""
+    try:
+        return leading_growth_rate(model, state, flow)
+    except (StepFailed, SingularMatrix, InvalidInput):
+        return None
 
 
 def _tried(
@@ -240,23 +269,6 @@ def _turning(model: Model, x: Array, g: Geometry, c: Array, change: Array) -> Ar
 
     No force holds the axis of a cell; a mesh turns it slowly.
     """
-    faces = model.mesh.faces
-    slopes = np.einsum("fa,fad->fd", c[faces], g.gradients) * g.face_areas[:, None] / 3.0
-    gradient = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(x))
-    gradient /= g.node_areas[:, None]
-    # a step of iteration with the mass matrix: such a mean around a node is too flat
-    entries = mass(g, model.mesh)
-    blurred = [product(entries, model.mesh, slope) for slope in gradient.T]
-    gradient = 2.0 * gradient - np.transpose(blurred) / g.node_areas[:, None]
-    motions = [np.cross(axis, x) for axis in np.eye(3)]
-    columns = [
-        np.concatenate(
-            [
-                -np.einsum("vi,vi->v", motion, gradient),
-                np.einsum("vi,vi->v", motion, g.normals) / model.parameters.R0,
-            ]
-        )
-        for motion in motions
-    ]
-    basis = np.stack(columns, axis=1)
+    slope = gradient(c, g, model.mesh)
+    basis = changes(rotations(x), slope, g.normals, model.parameters.R0)
     return np.asarray(basis @ np.linalg.lstsq(basis, change, rcond=1e-6)[0])

@@ -88,6 +88,7 @@ def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
         "steps": last.number,
         "wall_s": round(wall_s, 3),
         "steady": last.steady,
+        "growth_rate": last.growth,
         "output": str(run.folder),
     }
 
@@ -231,6 +232,18 @@ def _draw(run: Run, last: Step) -> None:
         print(f"amoeboid run: no picture, rendering failed: {error}", file=sys.stderr)
 
 
+def _stability(last: Step) -> str:
+    """Whether the state is steady, and what becomes of small disturbances of it."""
+    if last.growth is None or not (last.steady or last.growth > 0):
+        return "the state is not steady: it still changes, or grows slowly from rest"
+    size = f"{abs(last.growth):.3g} per unit of time"
+    if not last.steady:
+        return f"the state is unstable: its fastest disturbance grows at {size}"
+    if last.growth > 0:
+        return f"the state is steady: its fastest disturbance grows at no more than {size}"
+    return f"the state is steady: its slowest disturbance decays at {size}"
+
+
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     from rich.console import Console
     from rich.table import Table
@@ -247,8 +260,7 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         table.add_row(name, f"{summary[name]:.6g}", meaning)
     console = Console()
     console.print(table)
-    if not last.steady:
-        console.print("the state is not steady: it still changes, or grows slowly from rest")
+    console.print(_stability(last), highlight=False)
     console.print(
         f"{why} at t = {last.state.t:.4g}, {summary['steps']} steps, {summary['wall_s']:.2f} s",
         highlight=False,

@@ -1,0 +1,44 @@
+"""Arnoldi's iteration: the outlying eigenvalues of a linear map that is known by its action."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def ritz_values(
+    image: Callable[[Array], Array], start: Array
+) -> Iterator[tuple[NDArray[np.complex128], Array]]:
+    """Yield approximate eigenvalues and the norms of their residuals, after every application.
+
+    `image(x)` is the map; `start` (n,) must have a part in every mode that is to be found. Ends
+    when the space that `start` spans is exhausted.
+
+    >>> for values, residuals in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
+    ...     pass
+    >>> np.sort(values.real).round(12)
+    array([1., 2.])
+    """
+    basis = [start / np.linalg.norm(start)]
+    H = np.zeros((1, 0))
+    while True:
+        x = image(basis[-1])
+        size = np.linalg.norm(x)
+        column = np.zeros(len(basis) + 1)
+        # twice: once leaves what rounding has cancelled
+        for _ in range(2):
+            for k, vector in enumerate(basis):
+                part = vector @ x
+                column[k] += part
+                x = x - part * vector
+        column[-1] = np.linalg.norm(x)
+        H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])])[: len(column)], column])
+        values, vectors = np.linalg.eig(H[:-1])
+        yield values.astype(np.complex128), np.abs(column[-1] * vectors[-1])
+        if column[-1] <= 1e-14 * size:
+            return
+        basis.append(x / column[-1])

@@ -1,0 +1,53 @@
+import numpy as np
+import pytest
+
+from amoeboid.numerics.arnoldi import ritz_values
+
+EIGENVALUES = np.concatenate([[1.2, 1.0, 0.9], np.linspace(0.5, 0.0, 57)])
+
+
+def not_normal(n=60):
+    """A matrix with EIGENVALUES and one complex pair, far from symmetric."""
+    rng = np.random.default_rng(3)
+    core = np.diag(EIGENVALUES)
+    core[1:3, 1:3] = [[0.9, 0.4], [-0.4, 0.9]]
+    vectors = np.eye(n) + 0.3 * rng.standard_normal((n, n)) / np.sqrt(n) + np.eye(n, k=1)
+    return vectors @ core @ np.linalg.inv(vectors)
+
+
+def test_outlying_eigenvalues_are_found_first():
+    A = not_normal()
+    start = np.random.default_rng(1).standard_normal(len(A))
+    for count, (values, residuals) in enumerate(ritz_values(lambda x: A @ x, start)):
+        first = np.argsort(-np.abs(values))[:3]
+        if count == 19:
+            assert residuals[first[0]] < 1e-6
+            break
+    np.testing.assert_allclose(values[first[0]], 1.2, rtol=1e-8)
+    np.testing.assert_allclose(np.abs(values[first[1:]]), np.hypot(0.9, 0.4), rtol=1e-6)
+
+
+def test_residuals_are_those_of_the_approximate_vectors():
+    """Exact for the space that has been spanned: |A x - value x|, x of length 1."""
+    A = not_normal()
+    start = np.random.default_rng(1).standard_normal(len(A))
+    kept = []
+
+    def image(x):
+        kept.append(x)
+        return A @ x
+
+    values, residuals = next(v for k, v in enumerate(ritz_values(image, start)) if k == 6)
+    basis = np.stack(kept, axis=1)
+    small, vectors = np.linalg.eig(basis.T @ A @ basis)
+    for value, residual in zip(values, residuals, strict=True):
+        k = np.argmin(np.abs(small - value))
+        x = basis @ vectors[:, k]
+        assert np.linalg.norm(A @ x - value * x) == pytest.approx(residual, rel=1e-6)
+
+
+def test_it_ends_when_the_space_is_exhausted():
+    A = np.diag([3.0, 2.0, 1.0, 1.0])
+    found = list(ritz_values(lambda x: A @ x, np.ones(4)))
+    assert len(found) == 3
+    np.testing.assert_allclose(np.sort(found[-1][0].real), [1.0, 2.0, 3.0], rtol=1e-12)
