@@ -10,6 +10,7 @@ from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.numerics.multistep import backward_difference
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
+from amoeboid.surface import stepping
 from amoeboid.surface.stepping import difference, local_error, semi_implicit_step, starting_step
 from amoeboid.validation import InvalidInput
 
@@ -147,6 +148,42 @@ def test_the_first_step_follows_the_tolerance(delta_P):
         assert error < 1.5 * tolerance
         lengths.append(step.dt)
     assert lengths[1] < 0.3 * lengths[0]
+
+
+def test_a_step_that_would_empty_the_front_follows_the_tolerance_too(monkeypatch):
+    """The concentration is of first order then; taken for one of second, it is wrong by more.
+
+    Without turnover the front loses all of its filaments.
+    """
+    orders, real = [], stepping._concentration
+
+    def recorded(model, known, *rest):
+        c, order = real(model, known, *rest)
+        orders.append(order)
+        return c, order
+
+    config = Config(
+        parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
+        mesh=Mesh(subdivisions=1),
+        initial=Initial(perturbation=2.99),
+        time=Time(end=8.0, tolerance=1e-2),
+    )
+    monkeypatch.setattr(stepping, "_concentration", recorded)
+    before, of_first_order = start(config), []
+    for step in evolve(before, config.time):
+        if orders[-1] == 1 and len(before.history) > 1:
+            of_first_order.append((before, step))
+        before = step
+    assert len(of_first_order) > 2
+    for before, step in of_first_order:
+        history, dt = (before.state,), step.dt / 400
+        for _ in range(400):
+            state, flow, _ = semi_implicit_step(before.model, history, dt, tolerance=1e-9)
+            history = (state, *history[:2])
+        a, b = ((s.r, s.c) for s in (step.state, state))
+        error = difference(before.model, a, b, flow.normals)
+        print(step.number, step.dt, error)
+        assert error < 1.2 * config.time.tolerance
 
 
 def test_step_lengths_follow_from_the_error():

@@ -89,7 +89,7 @@ def semi_implicit_step(
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = r_known + implicit * drift
 
-    share, foreseen = _foreseen(history, t)
+    of_history = _foreseen(history, t)
     scaled = _Scales(1.0 / (model.parameters.c0 + c_ahead), g.normals / model.parameters.R0)
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     r_before, c_before = r, c
@@ -103,8 +103,9 @@ def semi_implicit_step(
         v = solution.v(zeta0)
         flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
         v_c, g = flow.v_c, geometry(r_new, model.mesh.faces)
-        c_new = _concentration(model, known, r_new, g, v, c)
+        c_new, order = _concentration(model, known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
+        share, foreseen = of_history if order == len(past) else _foreseen(past, t)
         error = share * difference(model, (r_new, c_new), foreseen, flow.normals)
         if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
@@ -140,7 +141,7 @@ def local_error(
     """Local error of a step from `history` to `new` (r, c) at time t, relative to R0 and c0 + |c|.
 
     From the distance to the extrapolated past; nodes that move within the surface make no error.
-    A single state knows of none: 0.
+    A single state knows of none: 0. Of two, it is that of a first-order step.
     """
     share, foreseen = _foreseen(history, t)
     return share * difference(model, new, foreseen, normals)
@@ -168,6 +169,7 @@ class _Known:
     r: Array
     filaments: Array
     dt: float
+    order: int
 
 
 def _known(model: Model, past: Sequence[State], t: float) -> list[_Known]:
@@ -177,7 +179,7 @@ def _known(model: Model, past: Sequence[State], t: float) -> list[_Known]:
     for order in range(len(past), 0, -1):
         scheme = backward_difference([state.t for state in past[:order]], t)
         r = scheme.combined([state.r for state in past])
-        known.append(_Known(r, scheme.combined(numbers), scheme.dt))
+        known.append(_Known(r, scheme.combined(numbers), scheme.dt, order))
     return known
 
 
@@ -227,17 +229,17 @@ def _concentration(
     g: Geometry,
     v: Array,
     c_ahead: Array,
-) -> Array:
+) -> tuple[Array, int]:
     """The filament balance: c (V,) on the nodes r (V, 3) that filaments of velocity v reach.
 
-    Where second order would make c negative it is of first order.
+    And its order in time: the first, where the second would make c negative.
     """
     for before in known:
         if before.filaments.min() >= 0:
             relative = v - (r - before.r) / before.dt
             c = transported(model, before.filaments, g, relative, before.dt, c_ahead)
             if c.min() >= -ROUNDING * c.max():
-                return np.maximum(c, 0.0)
+                return np.maximum(c, 0.0), before.order
     raise StepFailed("the concentration would become negative, or is not finite")
 
 
