@@ -1,6 +1,6 @@
 """Large deformations: what becomes of a cell at low pressure and high activity.
 
-    python benchmarks/regimes.py [--nodes 162|642|2562] [--tolerance T] [--end T] [--wall S]
+    python benchmarks/regimes.py [--nodes N] [--tolerance T] [--seed K] [--end T] [--wall S]
                                  [--keep DIR] [CASE ...]
 
 Prints one row of a Markdown table a case; without names all cases of `CASES`. --wall ends a case
@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.observables import mesh_quality, observed
@@ -24,7 +25,7 @@ from amoeboid.simulation import Diverged, Step, evolve, start
 from amoeboid.store import new_folder, new_run
 from amoeboid.surface.geometry import volume_centroid
 
-SUBDIVISIONS = {162: 2, 642: 3, 2562: 4}
+SUBDIVISIONS = {162: 2, 642: 3, 2562: 4, 10242: 5}
 POLARIZED = Initial()
 NOISE = Initial(perturbation=0.0, noise=0.03, seed=1)
 LOUD = Initial(perturbation=0.0, noise=0.3, seed=1)
@@ -51,6 +52,7 @@ def _cases() -> dict[str, Case]:
     for delta_P, v_p0 in (
         (11, 6.5),
         (11, 7),
+        (11, 7.25),
         (11, 7.5),
         (20, 8),
         (20, 9),
@@ -100,8 +102,8 @@ def lobes(step: Step) -> int:
     distance = np.linalg.norm(x, axis=1)
     if np.ptp(distance) < 0.02 * distance.mean():
         return 0
-    apart = np.linalg.norm(x[:, None] - x[None], axis=2) > 0.5 * step.model.parameters.R0
-    highest = np.where(apart, 0.0, distance[None]).max(axis=1) <= distance
+    near = KDTree(x).query_ball_point(x, 0.5 * step.model.parameters.R0)
+    highest = np.array([distance[nodes].max() for nodes in near]) <= distance
     return int(np.sum(highest & (distance > distance.mean())))
 
 
@@ -197,6 +199,7 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(CASES)}")
     parser.add_argument("--nodes", type=int, choices=sorted(SUBDIVISIONS), default=642)
     parser.add_argument("--tolerance", type=float)
+    parser.add_argument("--seed", type=int, help="of the noise that a case starts from (1)")
     parser.add_argument("--end", type=float, default=60.0)
     parser.add_argument("--wall", type=float, default=120.0)
     parser.add_argument("--keep", type=Path)
@@ -211,7 +214,10 @@ def main() -> None:
     print("|" + "---|" * (TITLES.count("|") - 1))
     for name in args.cases or CASES:
         folder = None if args.keep is None else args.keep / f"{name}-{args.nodes}"
-        record = followed(CASES[name], args.nodes, control, args.wall, folder)
+        case = CASES[name]
+        if args.seed is not None:
+            case = replace(case, initial=replace(case.initial, seed=args.seed))
+        record = followed(case, args.nodes, control, args.wall, folder)
         print(row(name, record), flush=True)
 
 

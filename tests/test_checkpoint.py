@@ -9,7 +9,7 @@ import pytest
 from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Initial, Mesh, Output, Time
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation import Rest, evolve, start
 from amoeboid.store import new_run
 from amoeboid.surface.mesh import icosphere
 from amoeboid.validation import InvalidInput
@@ -53,7 +53,7 @@ def test_every_step_is_read_back_with_the_same_bits(scheme, steps, tmp_path):
     back = read_checkpoint(path)
     assert back.config == config
     assert back.frame_times == (step.state.t,)
-    for name in ("number", "next_dt", "rejected", "rate", "steady", "growth"):
+    for name in ("number", "next_dt", "rejected", "rate", "rest"):
         assert getattr(back.step, name) == getattr(step, name)
     assert back.step.model.edge_length == step.model.edge_length
     assert np.array_equal(back.step.model.mesh.faces, step.model.mesh.faces)
@@ -91,7 +91,7 @@ def with_one_thrice(faces):
 
 FLOAT_NAMES = (
     "numbers",
-    "growth",
+    "rest",
     "frame_times",
     "edge_length",
     "history_r",
@@ -104,7 +104,7 @@ FLOAT_NAMES = (
 )
 LAYOUT = [
     (name, change)
-    for name in ("config", "step", "steady", "growth_known", "faces", *FLOAT_NAMES)
+    for name in ("config", "step", "rest_known", "faces", *FLOAT_NAMES)
     for change in (
         None,
         lambda a: a[None],
@@ -136,9 +136,8 @@ VALUES = [
     ("numbers", with_entry(0, 0.0)),
     ("numbers", with_entry(0, -0.1)),
     ("numbers", with_entry(1, -1.0)),
-    ("steady", lambda a: a.astype(int)),
-    ("steady", lambda a: ~a),
-    ("growth_known", lambda a: a.astype(int)),
+    ("rest_known", lambda a: a.astype(int)),
+    ("rest_known", with_entry(1, True)),
     ("frame_times", lambda a: a[::-1]),
     ("frame_times", lambda a: a[:-1]),
     ("frame_times", lambda a: np.append(a, a[-1] + 1)),
@@ -280,6 +279,22 @@ def test_no_pickle_is_ever_loaded(name, stored, tmp_path, capsys):
     folder, arrays = stored
     arrays = arrays | {name: np.array([object()], dtype=object)}
     refused(folder, tmp_path, lambda path: np.savez(path, **arrays), capsys)
+
+
+def test_a_rest_that_begins_later_is_refused(tmp_path):
+    step = start(CONFIG)
+    path = tmp_path / "checkpoint.npz"
+    write_checkpoint(path, Checkpoint(CONFIG, replace(step, rest=Rest(0.1, None)), (0.0,)))
+    with pytest.raises(InvalidInput, match="rest"):
+        read_checkpoint(path)
+
+
+@pytest.mark.parametrize("rest", [Rest(0.0, None), Rest(0.0, -0.3)])
+def test_a_rest_is_read_back(rest, tmp_path):
+    path = tmp_path / "checkpoint.npz"
+    step = replace(start(CONFIG), rest=rest)
+    write_checkpoint(path, Checkpoint(CONFIG, step, (0.0,)))
+    assert read_checkpoint(path).step.rest == rest
 
 
 def test_what_else_a_file_holds_is_not_even_read(stored, tmp_path):

@@ -16,7 +16,7 @@ from amoeboid.cli.main import COMMANDS, main
 from amoeboid.cli.run import _stability
 from amoeboid.config import Config, Mesh
 from amoeboid.parameters import Parameters
-from amoeboid.simulation import start
+from amoeboid.simulation import Rest, start
 from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
@@ -374,17 +374,17 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("steady", "growth", "words"),
+    ("rest", "words"),
     [
-        (True, -0.51234, "steady: its slowest disturbance decays at 0.512 per unit of time"),
-        (True, 0.004, "steady: its fastest disturbance grows at no more than 0.004 per unit"),
-        (False, 0.2, "unstable: its fastest disturbance grows at 0.2 per unit of time"),
-        (False, None, "not steady: it still changes"),
-        (False, -0.5, "not steady: it still changes"),
+        (Rest(0.0, -0.51234), "steady: its slowest disturbance decays at 0.512 per unit of time"),
+        (Rest(0.0, 0.004), "steady: its fastest disturbance grows at no more than 0.004 per unit"),
+        (Rest(0.0, 0.2), "unstable: its fastest disturbance grows at 0.2 per unit of time"),
+        (Rest(0.0, None), "steady: it stays; how fast disturbances decay could not be found"),
+        (None, "not steady: it still changes"),
     ],
 )
-def test_a_run_says_what_becomes_of_small_disturbances(steady, growth, words):
-    step = replace(start(Config(mesh=Mesh(subdivisions=1))), steady=steady, growth=growth)
+def test_a_run_says_what_becomes_of_small_disturbances(rest, words):
+    step = replace(start(Config(mesh=Mesh(subdivisions=1))), rest=rest)
     assert words in _stability(step)
 
 

@@ -372,38 +372,77 @@ def test_stability_is_found_once_and_a_run_continued_goes_on_as_the_uninterrupte
     assert len(calls) - count == len({s.growth for s in rest if s.growth} - {known[1].growth})
 
 
-def test_stability_is_found_anew_after_the_cell_has_changed(monkeypatch):
+def judged(monkeypatch, rates, growths, dt=0.1):
+    """(growth, steady) of steps that change at `rates`, where analyses find `growths`."""
     _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
-    rates = iter([1.0, 0.5e-5, 0.4e-5, 1e-3, 0.5e-5, 0.6e-5, 0.3e-5])
-    growths = iter([0.5, -0.5])
+    rates, growths = iter(rates), iter(growths)
     monkeypatch.setattr(
         simulation, "_rate", lambda *_: (rate := next(rates), rate < simulation.STEADY)
     )
     monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: next(growths))
     step, found = steps[-1], []
-    for _ in range(7):
-        step = simulation._accepted(step, step.model, step.history, step.flow, 0.1, 0)
+    while True:
+        history = (replace(step.state, t=step.state.t + dt), *step.history[:2])
+        try:
+            step = simulation._accepted(step, step.model, history, step.flow, dt, 0)
+        except StopIteration:
+            return found
         found.append((step.growth, step.steady))
-    assert found == [
+
+
+def test_stability_is_found_anew_after_the_cell_has_changed(monkeypatch):
+    rates = [1.0, 0.5e-5, 0.4e-5, 1e-3, 0.5e-5, 0.6e-5, 0.3e-5]
+    assert judged(monkeypatch, rates, [0.5, -0.5]) == [
         (None, False),
         (0.5, False),
         (0.5, False),
         (None, False),
         (-0.5, True),
-        (-0.5, False),
+        (-0.5, True),
         (-0.5, True),
     ]
 
 
-def test_a_state_whose_stability_cannot_be_found_is_not_steady(monkeypatch):
-    def failing(*_):
-        raise simulation.StepFailed("no step")
+def test_a_little_more_change_does_not_end_a_rest(monkeypatch):
+    """Or its stability would be found again and again."""
+    rates = [1.0, 0.9e-5, 1.2e-5, 0.9e-5, 2.5e-5, 0.8e-5]
+    assert judged(monkeypatch, rates, [-0.5]) == [(None, False), *[(-0.5, True)] * 5]
 
-    monkeypatch.setattr(simulation, "leading_growth_rate", failing)
-    _, steps = steps_of(replace(QUICK, time=Time(end=40.0)))
-    assert steps[-1].ended == "end of time"
-    assert steps[-1].rate < simulation.STEADY
-    assert not any(step.steady for step in steps)
+
+@pytest.mark.parametrize(("growth", "steady"), [(0.009, True), (0.011, False)])
+def test_a_state_is_unstable_above_a_hundredth_of_the_rate(growth, steady, monkeypatch):
+    growth *= QUICK.parameters.rate
+    assert judged(monkeypatch, [1.0, 0.5e-5], [growth])[-1] == (growth, steady)
+
+
+def test_growth_that_does_not_show_is_not_waited_for_forever(monkeypatch):
+    found = judged(monkeypatch, [1.0, *[0.5e-5] * 50], [2.0], dt=0.5)
+    waited = found.index((None, True))
+    assert found[1:waited] == [(2.0, False)] * (waited - 1)
+    assert found[waited:] == [(None, True)] * (51 - waited)
+    assert 0.5 * (waited - 1) == pytest.approx(simulation.PATIENCE / 2.0, abs=0.6)
+
+
+def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_again(monkeypatch):
+    assert judged(monkeypatch, [1.0, 0.5e-5, 0.6e-5, 0.4e-5], [None]) == [
+        (None, False),
+        (None, True),
+        (None, True),
+        (None, True),
+    ]
+
+
+def test_a_cell_whose_front_is_empty_ends_steady():
+    """Its disturbances must leave no negative concentration there."""
+    config = Config(
+        parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
+        mesh=Mesh(subdivisions=1),
+        initial=Initial(perturbation=2.99),
+        time=Time(end=150.0),
+    )
+    _, steps = steps_of(config)
+    assert steps[-1].ended == "steady"
+    assert steps[-1].state.c.min() < 1e-8
 
 
 def test_a_sphere_exactly_at_rest_above_its_threshold_is_not_steady():

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.config import Config, config_from_toml, config_to_toml
-from amoeboid.simulation import KEPT, UNSTABLE, Step
+from amoeboid.simulation import KEPT, Rest, Step
 from amoeboid.surface.explicit import MOST_AREA_ERROR
 from amoeboid.surface.geometry import area, volume
 from amoeboid.surface.imported import FEWEST_NODES, MOST_NODES
@@ -31,9 +31,8 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "config": (np.str_, ()),
     "step": (np.int64, (2,)),
     "numbers": (np.float64, (2,)),
-    "steady": (np.bool_, ()),
-    "growth_known": (np.bool_, ()),
-    "growth": (np.float64, ()),
+    "rest_known": (np.bool_, (2,)),
+    "rest": (np.float64, (2,)),
     "frame_times": (np.float64, ("frames",)),
     "faces": (np.int64, ("triangles", 3)),
     "edge_length": (np.float64, ()),
@@ -63,9 +62,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "config": np.array(config_to_toml(checkpoint.config)),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
-        "steady": np.array(step.steady),
-        "growth_known": np.array(step.growth is not None),
-        "growth": np.array(0.0 if step.growth is None else step.growth),
+        "rest_known": np.array([step.rest is not None, step.growth is not None]),
+        "rest": np.array([step.rest.since if step.rest else 0.0, step.growth or 0.0]),
         "frame_times": np.array(checkpoint.frame_times),
         "faces": step.model.mesh.faces,
         "edge_length": np.array(step.model.edge_length),
@@ -145,11 +143,15 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
     _require(min(number, rejected) >= 0, "numbers of steps must be >= 0", min(number, rejected))
     _require(next_dt > 0, "the length of the next step must be > 0", next_dt)
     _require(rate >= 0, "the rate of change must be >= 0", rate)
-    steady = bool(arrays["steady"])
-    growth = float(arrays["growth"]) if arrays["growth_known"] else None
-    stable = growth is not None and growth <= UNSTABLE * model.rate
-    _require(stable or not steady, "a steady state must be stable", f"growth = {growth}")
-    return Step(number, model, history, flow, next_dt, rejected, rate, steady, growth)
+    rest = _rest(arrays)
+    _require(rest is None or rest.since <= history[0].t, "a rest must begin before now", rest)
+    return Step(number, model, history, flow, next_dt, rejected, rate, rest)
+
+
+def _rest(arrays: dict[str, Array]) -> Rest | None:
+    (resting, growth_known), (since, growth) = arrays["rest_known"], map(float, arrays["rest"])
+    _require(resting or not growth_known, "growth is only known of a cell at rest", growth)
+    return Rest(since, growth if growth_known else None) if resting else None
 
 
 def _model(config: Config, arrays: dict[str, Array]) -> Model:

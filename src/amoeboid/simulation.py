@@ -38,6 +38,11 @@ STEADY = 1e-5
 # the mesh leaves of neutral ones. Slower growth makes little of a disturbance in a run of the
 # default length.
 UNSTABLE = 0.01
+# Relative change, in units of STEADY, that ends a rest.
+CHANGED = 3.0
+# An instability that has not shown after so many times the inverse of its growth rate is none of
+# the run: of what the mesh does not resolve, or so fast an oscillation that its steps damp it.
+PATIENCE = 20.0
 # Share of that turning which its gradients on a coarse mesh cannot tell from other changes.
 TURNING_ERROR = 0.1
 # More than so many times STEADY are a change that is none of turning.
@@ -50,16 +55,23 @@ SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
 STABLE_GROWTH = 2.4
 
 
+@dataclass(frozen=True)
+class Rest:
+    """What is known of a cell that no longer changes: since when [T], and how fast small
+    disturbances grow [1/T], None if that could not be found."""
+
+    since: float
+    growth: float | None
+
+
 @dataclass(frozen=True, eq=False)
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
     `model` may have another mesh than that of the step before; `history`: the state and those
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
-    of shape and concentration in units of model.rate; `growth` the growth rate of the fastest
-    growing disturbance [1/T], None as long as the cell changes; `steady` if it does not change and
-    no disturbance grows, never of an initial state, whose stability is not looked at; `ended` says
-    why the run ends here, None if it goes on.
+    of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
+    and for an initial state; `ended` says why the run ends here, None if it goes on.
     """
 
     number: int
@@ -69,9 +81,23 @@ class Step:
     next_dt: float
     rejected: int
     rate: float
-    steady: bool
-    growth: float | None = None
+    rest: Rest | None = None
     ended: str | None = None
+
+    @property
+    def steady(self) -> bool:
+        """Whether the cell does not change, and no small disturbance is known to grow."""
+        return self.rest is not None and not self.unstable
+
+    @property
+    def unstable(self) -> bool:
+        """Whether the cell does not change, but a small disturbance grows."""
+        return (self.growth or 0.0) > UNSTABLE * self.model.rate
+
+    @property
+    def growth(self) -> float | None:
+        """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
+        return None if self.rest is None else self.rest.growth
 
     @property
     def state(self) -> State:
@@ -111,7 +137,7 @@ def _started(config: Config) -> Step:
     dt = FIRST_STEP / model.rate
     flow = flow_of(model, state, dt)
     rate, _ = _rate(model, state, flow)
-    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate, steady=False)
+    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate)
 
 
 def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
@@ -201,25 +227,17 @@ def _accepted(
     next_dt: float,
     rejected: int,
 ) -> Step:
-    """The step after `before`, with what is to be known of its state.
-
-    Stability is that of a state: it is found once, and holds as long as the cell stays still.
-    """
+    """The step after `before`, with what is to be known of its state."""
     rate, still = _rate(model, history[0], flow)
-    steady, growth = False, before.growth if still else None
-    if still and rate <= before.rate:
-        growth = _growth(model, history[0], flow) if growth is None else growth
-        # a state whose stability could not be found is not known to last
-        steady = growth is not None and growth <= UNSTABLE * model.rate
-    return Step(before.number + 1, model, history, flow, next_dt, rejected, rate, steady, growth)
-
-
-def _growth(model: Model, state: State, flow: Flow) -> float | None:
-    """`leading_growth_rate`, None where it cannot be found."""
-    try:
-        return leading_growth_rate(model, state, flow)
-    except (StepFailed, SingularMatrix, InvalidInput):
-        return None
+    step = Step(before.number + 1, model, history, flow, next_dt, rejected, rate)
+    t = step.state.t
+    if before.rest is not None and rate < CHANGED * STEADY:
+        step = replace(step, rest=before.rest)
+        if step.unstable and (t - before.rest.since) * (before.growth or 0.0) > PATIENCE:
+            step = replace(step, rest=Rest(before.rest.since, None))
+    elif still and rate <= before.rate:
+        step = replace(step, rest=Rest(t, leading_growth_rate(model, step.state, flow)))
+    return step
 
 
 def _tried(

@@ -18,7 +18,7 @@ def not_normal(n=60):
 def test_outlying_eigenvalues_are_found_first():
     A = not_normal()
     start = np.random.default_rng(1).standard_normal(len(A))
-    for count, (values, residuals) in enumerate(ritz_values(lambda x: A @ x, start)):
+    for count, (values, residuals, _) in enumerate(ritz_values(lambda x: A @ x, start)):
         first = np.argsort(-np.abs(values))[:3]
         if count == 19:
             assert residuals[first[0]] < 1e-6
@@ -37,13 +37,32 @@ def test_residuals_are_those_of_the_approximate_vectors():
         kept.append(x)
         return A @ x
 
-    values, residuals = next(v for k, v in enumerate(ritz_values(image, start)) if k == 6)
+    values, residuals, _ = next(v for k, v in enumerate(ritz_values(image, start)) if k == 6)
     basis = np.stack(kept, axis=1)
     small, vectors = np.linalg.eig(basis.T @ A @ basis)
     for value, residual in zip(values, residuals, strict=True):
         k = np.argmin(np.abs(small - value))
         x = basis @ vectors[:, k]
         assert np.linalg.norm(A @ x - value * x) == pytest.approx(residual, rel=1e-6)
+
+
+def test_condition_numbers_tell_how_errors_of_the_map_change_eigenvalues():
+    """To first order the most that an error of a given norm can do; 1 for a symmetric map."""
+    A, start = not_normal(), np.random.default_rng(1).standard_normal(60)
+    *_, (values, _, conditions) = ritz_values(lambda x: A @ x, start)
+    first = int(np.argmax(np.abs(values)))
+    _, vectors = np.linalg.eig(A)
+    left = np.linalg.inv(vectors)
+    k = int(np.argmax(np.abs(np.diag(left @ A @ vectors))))
+    x, y = vectors[:, k].real, left[k].real
+    worst = 1e-6 * np.outer(y, x) / np.linalg.norm(x) / np.linalg.norm(y)
+    changed = np.abs(np.linalg.eigvals(A + worst)).max() - np.abs(values[first])
+    assert conditions[first] > 1.2
+    assert changed == pytest.approx(1e-6 * conditions[first], rel=1e-3)
+
+    symmetric = A + A.T
+    *_, (_, _, conditions) = ritz_values(lambda x: symmetric @ x, start)
+    np.testing.assert_allclose(conditions, 1.0, rtol=1e-6)
 
 
 def test_it_ends_when_the_space_is_exhausted():

@@ -391,6 +391,24 @@ def test_nothing_that_is_not_finite_is_accepted(field):
         semi_implicit_step(model, (replace(rest, **{field: values}),), 0.1)
 
 
+def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
+    """A law may not be defined there."""
+    model, rest = sphere(POLARIZED, 1)
+    begin = perturbed(model, rest, Initial(perturbation=2.99))
+    seen, balance = [], stepping.force_balance
+
+    def watched(model, near, r, g, c, *rest):
+        seen.append(c.min())
+        return balance(model, near, r, g, c, *rest)
+
+    monkeypatch.setattr(stepping, "force_balance", watched)
+    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 1e3)
+    with pytest.raises(ArithmeticError):
+        semi_implicit_step(model, (begin,), 0.3)
+    assert len(seen) > 2
+    assert min(seen) == 0.0
+
+
 def test_overshoots_save_passes(monkeypatch):
     """A soft cell on its way to the steady state, same steps to high accuracy with and without."""
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)

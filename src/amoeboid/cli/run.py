@@ -234,10 +234,12 @@ def _draw(run: Run, last: Step) -> None:
 
 def _stability(last: Step) -> str:
     """Whether the state is steady, and what becomes of small disturbances of it."""
-    if last.growth is None or not (last.steady or last.growth > 0):
+    if last.rest is None:
         return "the state is not steady: it still changes, or grows slowly from rest"
+    if last.growth is None:
+        return "the state is steady: it stays; how fast disturbances decay could not be found"
     size = f"{abs(last.growth):.3g} per unit of time"
-    if not last.steady:
+    if last.unstable:
         return f"the state is unstable: its fastest disturbance grows at {size}"
     if last.growth > 0:
         return f"the state is steady: its fastest disturbance grows at no more than {size}"

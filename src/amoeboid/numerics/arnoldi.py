@@ -12,13 +12,14 @@ Array = NDArray[np.float64]
 
 def ritz_values(
     image: Callable[[Array], Array], start: Array
-) -> Iterator[tuple[NDArray[np.complex128], Array]]:
-    """Yield approximate eigenvalues and the norms of their residuals, after every application.
+) -> Iterator[tuple[NDArray[np.complex128], Array, Array]]:
+    """Yield approximate eigenvalues, the norms of their residuals, and their condition numbers.
 
-    `image(x)` is the map; `start` (n,) must have a part in every mode that is to be found. Ends
-    when the space that `start` spans is exhausted.
+    After every application of `image(x)`, the map; `start` (n,) must have a part in every mode that
+    is to be found. A residual, or an error of the map, changes an eigenvalue by up to the condition
+    number times its norm: 1 for a normal map. Ends when the space that `start` spans is exhausted.
 
-    >>> for values, residuals in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
+    >>> for values, *_ in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
     ...     pass
     >>> np.sort(values.real).round(12)
     array([1., 2.])
@@ -38,7 +39,9 @@ def ritz_values(
         column[-1] = np.linalg.norm(x)
         H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])])[: len(column)], column])
         values, vectors = np.linalg.eig(H[:-1])
-        yield values.astype(np.complex128), np.abs(column[-1] * vectors[-1])
+        residuals = np.abs(column[-1] * vectors[-1])
+        conditions = np.linalg.norm(np.linalg.inv(vectors), axis=1)
+        yield values.astype(np.complex128), residuals, conditions
         if column[-1] <= 1e-14 * size:
             return
         basis.append(x / column[-1])

@@ -43,9 +43,9 @@ def _add_cell(plotter: Any, step: Step) -> None:
 
     model, state, flow = step.model, step.state, step.flow
     R0 = model.parameters.R0
-    center = volume_centroid(state.r, model.mesh.faces)
+    x = state.r - volume_centroid(state.r, model.mesh.faces)
     rear, side = _view_axes(step)
-    surface = pv.PolyData.from_regular_faces(state.r - center, model.mesh.faces)
+    surface = pv.PolyData.from_regular_faces(x, model.mesh.faces)
     surface.point_data["c"] = state.c
     bar: dict[str, Any] = {
         "title": "filament concentration c",
@@ -76,7 +76,7 @@ def _add_cell(plotter: Any, step: Step) -> None:
     moving = fastest > LEAST_FLOW * model.rate * R0
     if moving:
         chosen = _spread_out(state.r, ARROWS)
-        points = pv.PolyData((state.r - center + 0.02 * R0 * flow.normals)[chosen])
+        points = pv.PolyData((x + 0.02 * R0 * flow.normals)[chosen])
         points["flow"] = flow_vectors[chosen]
         arrows = points.glyph(
             orient="flow",
@@ -85,7 +85,7 @@ def _add_cell(plotter: Any, step: Step) -> None:
             geom=pv.Arrow(shaft_radius=0.04),
         )
         plotter.add_mesh(arrows, color=INK)
-        start = -1.12 * R0 * rear
+        start = (np.min(x @ rear) - 0.12 * R0) * rear
         migration = pv.Arrow(
             start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
         )
@@ -100,7 +100,8 @@ def _add_cell(plotter: Any, step: Step) -> None:
             always_visible=True,
             justification_horizontal="center",
         )
-    _aim(plotter, rear, side, R0, 0.3 if moving else 0.0)
+    size = max(R0, float(np.linalg.norm(x, axis=1).max()))
+    _aim(plotter, rear, side, size, 0.3 if moving else 0.0)
 
 
 def _color_limits(c: Array, c0: float) -> tuple[float, float]:
@@ -133,9 +134,9 @@ def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
     return np.array(chosen)
 
 
-def _aim(plotter: Any, rear: Array, side: Array, R0: float, lead: float) -> None:
-    focus = -lead * R0 * rear
+def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> None:
+    focus = -lead * size * rear
     above = np.cross(side, rear)
-    eye = focus + 5.6 * R0 * (side + 0.25 * above + 0.3 * rear)
-    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * R0 * above), tuple(above)]
+    eye = focus + 5.6 * size * (side + 0.25 * above + 0.3 * rear)
+    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
     plotter.camera.view_angle = 26.0
