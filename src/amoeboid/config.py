@@ -91,7 +91,9 @@ class Time:
     max_step: float = automatic(
         "longest step, 0.5/rate; if explicit the step, 1e-5/rate", "T", gt=0
     )
-    stop_when_steady: bool = flag(True, "end the run once it is steady: nothing changes, and no disturbance grows")
+    stop_when_steady: bool = flag(
+        True, "end the run once it is steady: nothing changes, and no disturbance grows"
+    )
 
     def __post_init__(self) -> None:
         validate(self, "time")

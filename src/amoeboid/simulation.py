@@ -19,7 +19,7 @@ from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
 from amoeboid.surface.rigid import changes, gradient, rotations
-from amoeboid.surface.stability import leading_growth_rate
+from amoeboid.surface.stability import SETTLED, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
     flow_of,
@@ -37,7 +37,7 @@ STEADY = 1e-5
 # Growth rate of disturbances, in units of model.rate, above which a state is unstable: above what
 # the mesh leaves of neutral ones. Slower growth makes little of a disturbance in a run of the
 # default length.
-UNSTABLE = 0.01
+UNSTABLE = SETTLED
 # Relative change, in units of STEADY, that ends a rest.
 CHANGED = 3.0
 # An instability that has not shown after so many times the inverse of its growth rate is none of
@@ -57,11 +57,12 @@ STABLE_GROWTH = 2.4
 
 @dataclass(frozen=True)
 class Rest:
-    """What is known of a cell that no longer changes: since when [T], and how fast small
-    disturbances grow [1/T], None if that could not be found."""
+    """What is known of a cell that no longer changes: since when [T], how fast small disturbances
+    grow [1/T], None if that could not be found, and whether growth has been waited for in vain."""
 
     since: float
     growth: float | None
+    in_vain: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +93,8 @@ class Step:
     @property
     def unstable(self) -> bool:
         """Whether the cell does not change, but a small disturbance grows."""
-        return (self.growth or 0.0) > UNSTABLE * self.model.rate
+        grows = (self.growth or 0.0) > UNSTABLE * self.model.rate
+        return self.rest is not None and grows and not self.rest.in_vain
 
     @property
     def growth(self) -> float | None:
@@ -234,7 +236,7 @@ def _accepted(
     if before.rest is not None and rate < CHANGED * STEADY:
         step = replace(step, rest=before.rest)
         if step.unstable and (t - before.rest.since) * (before.growth or 0.0) > PATIENCE:
-            step = replace(step, rest=Rest(before.rest.since, None))
+            step = replace(step, rest=replace(before.rest, in_vain=True))
     elif still and rate <= before.rate:
         step = replace(step, rest=Rest(t, leading_growth_rate(model, step.state, flow)))
     return step

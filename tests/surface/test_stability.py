@@ -113,14 +113,14 @@ def test_it_does_not_depend_on_where_the_cell_is_and_heads():
 
 
 def test_errors_are_known_where_the_map_is_far_from_normal():
-    """Those of the steps are multiplied by some 70 (2562 nodes) there: None, or right."""
+    """Those of the steps are multiplied by some 50 there: with rough ones nothing is known."""
     step, exact = still(SWEPT, 3), fastest_axisymmetric(SWEPT)
     found = leading_growth_rate(step.model, step.state, step.flow)
     print(found, exact)
-    assert abs(found - exact) < 0.04
+    # 0.024 are those of the mesh; without condition numbers it ends 0.013 further off
+    assert abs(found - exact) < 0.03
     for tolerance in (3e-6, 3e-7):
-        rough = leading_growth_rate(step.model, step.state, step.flow, tolerance=tolerance)
-        assert rough is None or abs(rough - found) < stability.SETTLED
+        assert leading_growth_rate(step.model, step.state, step.flow, tolerance=tolerance) is None
 
 
 def test_a_rate_that_does_not_settle_is_not_known(monkeypatch):
@@ -164,20 +164,23 @@ def test_rigid_motions_are_neutral_and_left_out(monkeypatch):
     assert abs(leading_growth_rate(step.model, step.state, step.flow)) < 0.1
 
 
-def test_steps_that_fail_are_tried_with_a_looser_tolerance(monkeypatch):
+@pytest.mark.parametrize(
+    "failure", [stability.StepFailed, stability.SingularMatrix, stability.InvalidInput]
+)
+def test_steps_that_fail_are_tried_shorter(failure, monkeypatch):
     tried, real = [], stability.semi_implicit_step
 
-    def failing(model, past, dt, flow, tolerance):
-        tried.append(tolerance)
-        if tolerance < 1e-7:
-            raise stability.StepFailed("too tight")
-        return real(model, past, dt, flow, tolerance)
+    def failing(model, past, dt, *rest):
+        tried.append(dt)
+        if dt > 0.06:
+            raise failure("too long")
+        return real(model, past, dt, *rest)
 
     step = still(STIFF, 2)
     expected = leading_growth_rate(step.model, step.state, step.flow)
     monkeypatch.setattr(stability, "semi_implicit_step", failing)
     found = leading_growth_rate(step.model, step.state, step.flow)
-    assert tried[0] < tried[1]
+    assert tried[0] > tried[1] > 0
     assert abs(found - expected) < stability.SETTLED
 
 

@@ -239,6 +239,11 @@ def _stability(last: Step) -> str:
     if last.growth is None:
         return "the state is steady: it stays; how fast disturbances decay could not be found"
     size = f"{abs(last.growth):.3g} per unit of time"
+    if last.rest.in_vain:
+        return (
+            f"the state is steady: a disturbance should grow at {size} and has not shown; "
+            "the mesh may be too coarse for it, or time.max_step too long for an oscillation"
+        )
     if last.unstable:
         return f"the state is unstable: its fastest disturbance grows at {size}"
     if last.growth > 0:

@@ -16,8 +16,9 @@ def ritz_values(
     """Yield approximate eigenvalues, the norms of their residuals, and their condition numbers.
 
     After every application of `image(x)`, the map; `start` (n,) must have a part in every mode that
-    is to be found. A residual, or an error of the map, changes an eigenvalue by up to the condition
-    number times its norm: 1 for a normal map. Ends when the space that `start` spans is exhausted.
+    is to be found. A residual, or an error of the map, changes an eigenvalue by up to its norm
+    times the condition number: 1 for a normal map. These are of the map compressed to the space
+    spanned so far, estimates for the map itself. Ends when that space is exhausted.
 
     >>> for values, *_ in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
     ...     pass
@@ -40,8 +41,16 @@ def ritz_values(
         H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])])[: len(column)], column])
         values, vectors = np.linalg.eig(H[:-1])
         residuals = np.abs(column[-1] * vectors[-1])
-        conditions = np.linalg.norm(np.linalg.inv(vectors), axis=1)
-        yield values.astype(np.complex128), residuals, conditions
+        yield values.astype(np.complex128), residuals, _conditions(vectors)
         if column[-1] <= 1e-14 * size:
             return
         basis.append(x / column[-1])
+
+
+def _conditions(vectors: NDArray[np.complex128]) -> Array:
+    """Condition numbers of eigenvalues from unit eigenvectors, infinite if two of them agree."""
+    try:
+        with np.errstate(over="ignore"):
+            return np.asarray(np.linalg.norm(np.linalg.inv(vectors), axis=1))
+    except np.linalg.LinAlgError:
+        return np.full(len(vectors), np.inf)

@@ -5,7 +5,7 @@ mu = 1/(1 - lambda dt). Arnoldi's iteration finds the outlying mu of the step, l
 difference of two steps: those of the slowest modes, whose mu is not near 0 (L. S. Tuckerman and
 D. Barkley, in IMA Volumes 119, 453, 2000). Where filaments are swept to the rear the map is far
 from normal, and small errors of the steps make larger ones of lambda: a rate is only given where
-they are known to be small.
+they are small, as far as can be estimated.
 
 A disturbance is what changes at the nodes: c'/(c0 + c) and h/R0, h along the normals. Nodes that
 slide within the surface are none, so that the many slow modes of the mesh play no part. Rigid
@@ -39,15 +39,16 @@ Array = NDArray[np.float64]
 
 # Largest disturbance: small against what is not linear, large against what the passes leave.
 AMPLITUDE = 1e-4
-# Tolerance of the steps, of which the passes leave a share; how much looser where they do not come
-# that far.
-TOLERANCE, LOOSER = 3e-8, 10.0
-# Length of the steps in units of 1/model.rate. Passes of longer ones converge slowly; modes of
-# shorter ones lie closer together.
-STEP = 0.1
+# Smallest c/(c0 + c) that can be disturbed by so much.
+LEAST = 2.0 * AMPLITUDE
+# Tolerance of the steps, of which the passes leave a share.
+TOLERANCE = 3e-8
+# Length of the steps in units of 1/model.rate, and the shares of it that are tried in turn where
+# passes do not converge. Modes of shorter steps lie closer together.
+STEP, SHARES = 0.1, (1.0, 0.5, 0.2)
 # Smaller factors are modes that die out within a step, and noise.
 LEAST_FACTOR = 0.1
-# Errors of the rate allowed, in units of model.rate.
+# Estimated error of the rate allowed, in units of model.rate.
 SETTLED = 0.02
 FEWEST, MOST = 8, 60
 # The start has a part in every harmonic up to this degree.
@@ -70,9 +71,11 @@ def leading_growth_rate(
     Negative if all decay; that of an oscillating one is the real part. `flow`: that in `state`;
     `step` and `settled`, the error allowed, in units of 1/model.rate and model.rate.
     """
-    for looser in (1.0, LOOSER):
+    if np.any(state.c < LEAST * (model.parameters.c0 + state.c)):
+        return None  # there is no less of what is not there, and so no linear map
+    for share in SHARES:
         try:
-            return _with_steps(model, state, flow, step, looser * tolerance, settled)
+            return _with_steps(model, state, flow, share * step, tolerance, settled)
         except (StepFailed, SingularMatrix, InvalidInput, np.linalg.LinAlgError):
             continue
     return None
@@ -121,7 +124,7 @@ def linearized_step(
         amplitude = AMPLITUDE / np.abs(y).max()
         c, h = np.split(amplitude * y, 2)
         r = state.r + p.R0 * h[:, None] * g.normals
-        disturbed = replace(state, r=r, c=np.maximum(state.c + scale * c, 0.0))
+        disturbed = replace(state, r=r, c=state.c + scale * c)
         new, *_ = semi_implicit_step(model, (disturbed,), dt, flow, tolerance)
         moved = new.r - undisturbed.r
         along = np.einsum("vi,vi->v", moved, g.normals)
