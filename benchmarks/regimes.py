@@ -199,11 +199,13 @@ def main() -> None:
     parser.add_argument("cases", nargs="*", help=f"of {', '.join(CASES)}")
     parser.add_argument("--nodes", type=int, choices=sorted(SUBDIVISIONS), default=642)
     parser.add_argument("--tolerance", type=float)
-    parser.add_argument("--seed", type=int, help="of the noise that a case starts from (1)")
+    parser.add_argument("--seed", type=int, help="of the noise of noise and loud cases (1)")
     parser.add_argument("--end", type=float, default=60.0)
     parser.add_argument("--wall", type=float, default=120.0)
     parser.add_argument("--keep", type=Path)
     args = parser.parse_args()
+    if args.seed is not None and args.seed < 0:
+        parser.error(f"--seed must be >= 0, got {args.seed}")
     unknown = [name for name in args.cases if name not in CASES]
     if unknown:
         parser.error(f"no such case: {', '.join(unknown)}; choose from {', '.join(CASES)}")
@@ -213,10 +215,11 @@ def main() -> None:
     print(TITLES)
     print("|" + "---|" * (TITLES.count("|") - 1))
     for name in args.cases or CASES:
-        folder = None if args.keep is None else args.keep / f"{name}-{args.nodes}"
         case = CASES[name]
         if args.seed is not None:
             case = replace(case, initial=replace(case.initial, seed=args.seed))
+        label = f"{name}-{args.nodes}-seed{case.initial.seed}"
+        folder = None if args.keep is None else args.keep / label
         record = followed(case, args.nodes, control, args.wall, folder)
         print(row(name, record), flush=True)
 

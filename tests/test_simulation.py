@@ -314,7 +314,7 @@ def test_a_run_that_cannot_go_on_says_why_and_keeps_its_good_steps():
 
 
 UNSTABLE = Config(parameters=Parameters(D=0.4, v_p0=8.0, delta_P=20.0), mesh=Mesh(subdivisions=2))
-BENDS = 50.0  # where the cell seems steady, at t = 56, the state is unstable to m = 1
+BENDS = 50.0  # where the cell seems steady, at t = 54, the state is unstable to m = 1
 
 
 def headings(steps):

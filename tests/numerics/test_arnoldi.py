@@ -70,3 +70,11 @@ def test_it_ends_when_the_space_is_exhausted():
     found = list(ritz_values(lambda x: A @ x, np.ones(4)))
     assert len(found) == 3
     np.testing.assert_allclose(np.sort(found[-1][0].real), [1.0, 2.0, 3.0], rtol=1e-12)
+
+
+def test_eigenvectors_that_agree_have_no_finite_condition():
+    shift = np.eye(3, k=-1)
+    found = list(ritz_values(lambda x: shift @ x, np.array([1.0, 0.0, 0.0])))
+    assert len(found) == 3
+    assert found[0][2] == 1.0
+    assert np.all(np.array(found[-1][2]) > 1e10)

@@ -164,6 +164,24 @@ def test_rigid_motions_are_neutral_and_left_out(monkeypatch):
     assert abs(leading_growth_rate(step.model, step.state, step.flow)) < 0.1
 
 
+def test_of_all_modes_it_is_the_one_that_grows_fastest():
+    """Not the one with the largest factor: here one that oscillates, before one at -beta.
+
+    It is none of the cell but of its mesh, on which it does grow in steps of a twentieth.
+    """
+    step = still(Parameters(D=0.03, v_p0=8.0), 2)
+    assert leading_growth_rate(step.model, step.state, step.flow) > 0.1
+
+
+def test_a_rate_that_looks_found_too_early_is_not_taken(monkeypatch):
+    factors = [0.5] * 5 + [0.9] * 5
+    found = [(np.array([mu + 0j]), np.zeros(1), np.ones(1)) for mu in factors]
+    monkeypatch.setattr(stability, "ritz_values", lambda *_: iter(found))
+    step = still(STIFF, 2)
+    rate = leading_growth_rate(step.model, step.state, step.flow)
+    assert rate == pytest.approx((1 - 1 / 0.9) / stability.STEP)
+
+
 @pytest.mark.parametrize(
     "failure", [stability.StepFailed, stability.SingularMatrix, stability.InvalidInput]
 )

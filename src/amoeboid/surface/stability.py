@@ -13,7 +13,8 @@ motions of the cell are neutral, but on a mesh they seem to grow or decay a litt
 slow modes; the map is restricted to what is orthogonal to them. That leaves the other eigenvalues
 as they are where the mesh resolves the cell; where it does not, growth may appear that the steps
 themselves do not show. Without turnover the number of filaments is kept, and a disturbance that
-changes it is none of this cell.
+changes it is none of this cell. Where there are next to no filaments none can be taken away, the
+map is not linear, and no rate is found.
 
 The cell may turn while it is disturbed, but slowly: as much as `dt` turns it is neglected.
 """
@@ -39,8 +40,6 @@ Array = NDArray[np.float64]
 
 # Largest disturbance: small against what is not linear, large against what the passes leave.
 AMPLITUDE = 1e-4
-# Smallest c/(c0 + c) that can be disturbed by so much.
-LEAST = 2.0 * AMPLITUDE
 # Tolerance of the steps, of which the passes leave a share.
 TOLERANCE = 3e-8
 # Length of the steps in units of 1/model.rate, and the shares of it that are tried in turn where
@@ -71,8 +70,6 @@ def leading_growth_rate(
     Negative if all decay; that of an oscillating one is the real part. `flow`: that in `state`;
     `step` and `settled`, the error allowed, in units of 1/model.rate and model.rate.
     """
-    if np.any(state.c < LEAST * (model.parameters.c0 + state.c)):
-        return None  # there is no less of what is not there, and so no linear map
     for share in SHARES:
         try:
             return _with_steps(model, state, flow, share * step, tolerance, settled)
