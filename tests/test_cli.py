@@ -380,7 +380,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         (Rest(0.0, 0.004), "steady: its fastest disturbance grows at no more than 0.004 per unit"),
         (Rest(0.0, 0.2), "unstable: its fastest disturbance grows at 0.2 per unit of time"),
         (Rest(0.0, None), "steady: it stays; how fast disturbances decay could not be found"),
-        (Rest(0.0, 0.2, in_vain=True), "steady: a disturbance should grow at 0.2 per unit of time"),
+        (Rest(-200.0, 0.2), "steady: a disturbance should grow at 0.2 per unit of time"),
         (None, "not steady: it still changes"),
     ],
 )

@@ -11,8 +11,9 @@ from amoeboid.numerics.multistep import backward_difference
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.stepping import difference, local_error, semi_implicit_step, starting_step
+from amoeboid.surface.stepping import difference, foreseen, local_error, starting_step
 from amoeboid.validation import InvalidInput
+from surface.orders import in_short_steps
 
 QUICK = Config(mesh=Mesh(subdivisions=1), initial=Initial(perturbation=1.0), output=Output())
 
@@ -120,13 +121,22 @@ def test_local_error_is_that_of_the_backward_difference(degree):
         history = [at(t, t**degree, *push) for t in times]
         new = at(new_t, found, *push)
         scale = 1.0 if push == (1, 0) else model.parameters.c0 + new.c[5]
-        estimate = local_error(model, history, new.t, (new.r, new.c), flow.normals)
+        expected = foreseen(history, new.t)
+        estimate = local_error(model, expected, (new.r, new.c), flow.normals)
         assert estimate == pytest.approx(1e-2 * error / scale, rel=1e-6)
     # nodes that slide within the surface make no error
     slide = np.cross(flow.normals, [0.3, -0.5, 0.8])
     history = [at(t, 0.0, 0, 0) for t in times]
     slid = replace(rest, t=new_t, r=rest.r + slide)
-    assert local_error(model, history, new_t, (slid.r, slid.c), flow.normals) < 1e-12
+    expected = foreseen(history, new_t)
+    assert local_error(model, expected, (slid.r, slid.c), flow.normals) < 1e-12
+
+
+def measured_error(before, step):
+    """Of a step, against many short ones from the state before."""
+    state, flow = in_short_steps(before.model, before.state, step.dt, 400)
+    a, b = ((s.r, s.c) for s in (step.state, state))
+    return difference(before.model, a, b, flow.normals)
 
 
 @pytest.mark.parametrize("delta_P", [11.0, 300.0])
@@ -138,12 +148,7 @@ def test_the_first_step_follows_the_tolerance(delta_P):
     first, lengths = start(config), []
     for tolerance in (1e-4, 1e-6):
         step = next(evolve(first, Time(end=1.0, tolerance=tolerance)))
-        history, dt = (first.state,), step.dt / 400
-        for _ in range(400):
-            state, flow, _ = semi_implicit_step(first.model, history, dt, tolerance=1e-9)
-            history = (state, *history[:2])
-        a, b = ((s.r, s.c) for s in (step.state, state))
-        error = difference(first.model, a, b, flow.normals)
+        error = measured_error(first, step)
         print(tolerance, step.dt, error)
         assert error < 1.5 * tolerance
         lengths.append(step.dt)
@@ -176,12 +181,7 @@ def test_a_step_that_would_empty_the_front_follows_the_tolerance_too(monkeypatch
         before = step
     assert len(of_first_order) > 2
     for before, step in of_first_order:
-        history, dt = (before.state,), step.dt / 400
-        for _ in range(400):
-            state, flow, _ = semi_implicit_step(before.model, history, dt, tolerance=1e-9)
-            history = (state, *history[:2])
-        a, b = ((s.r, s.c) for s in (step.state, state))
-        error = difference(before.model, a, b, flow.normals)
+        error = measured_error(before, step)
         print(step.number, step.dt, error)
         assert error < 1.2 * config.time.tolerance
 
@@ -196,9 +196,8 @@ def test_step_lengths_follow_from_the_error():
         assert step.next_dt <= 2.0 * step.dt * (1 + 1e-12)
         if step.rejected == before.rejected:
             new = step.state
-            error = local_error(
-                step.model, before.history, new.t, (new.r, new.c), step.flow.normals
-            )
+            expected = foreseen(before.history, new.t)
+            error = local_error(step.model, expected, (new.r, new.c), step.flow.normals)
             wanted = simulation.SAFETY * (config.time.tolerance / error) ** (1 / 3) * step.dt
             assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
             compared += wanted < 2.0 * step.dt
@@ -213,7 +212,8 @@ def test_step_lengths_follow_from_the_error_of_a_short_past():
     _, _, of_start = starting_step(model, first.state, dt, first.flow, tolerance)
     second = next(evolve(replace(begun, next_dt=dt), Time(max_step=10.0, tolerance=10 * tolerance)))
     new = second.state
-    of_second = local_error(model, begun.history, new.t, (new.r, new.c), second.flow.normals)
+    expected = foreseen(begun.history, new.t)
+    of_second = local_error(model, expected, (new.r, new.c), second.flow.normals)
     for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
         assert step.dt == pytest.approx(dt)
         growth = simulation.SAFETY * error ** (-1 / 2)

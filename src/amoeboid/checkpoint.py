@@ -31,7 +31,7 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "config": (np.str_, ()),
     "step": (np.int64, (2,)),
     "numbers": (np.float64, (2,)),
-    "rest_known": (np.bool_, (3,)),
+    "rest_known": (np.bool_, (2,)),
     "rest": (np.float64, (2,)),
     "frame_times": (np.float64, ("frames",)),
     "faces": (np.int64, ("triangles", 3)),
@@ -62,13 +62,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "config": np.array(config_to_toml(checkpoint.config)),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
-        "rest_known": np.array(
-            [
-                step.rest is not None,
-                step.growth is not None,
-                step.rest is not None and step.rest.in_vain,
-            ]
-        ),
+        "rest_known": np.array([step.rest is not None, step.growth is not None]),
         "rest": np.array([step.rest.since if step.rest else 0.0, step.growth or 0.0]),
         "frame_times": np.array(checkpoint.frame_times),
         "faces": step.model.mesh.faces,
@@ -155,11 +149,10 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
 
 
 def _rest(arrays: dict[str, Array]) -> Rest | None:
-    resting, growth_known, in_vain = (bool(x) for x in arrays["rest_known"])
+    resting, growth_known = (bool(x) for x in arrays["rest_known"])
     since, growth = (float(x) for x in arrays["rest"])
     _require(resting or not growth_known, "growth is only known of a cell at rest", growth)
-    _require(growth_known or not in_vain, "only a known growth is waited for", in_vain)
-    return Rest(since, growth if growth_known else None, in_vain) if resting else None
+    return Rest(since, growth if growth_known else None) if resting else None
 
 
 def _model(config: Config, arrays: dict[str, Array]) -> Model:

@@ -34,9 +34,8 @@ Array = NDArray[np.float64]
 FIRST_STEP = 1e-2  # in units of 1 / model.rate
 # Relative change within 1 / model.rate that counts as none, slow turning left out.
 STEADY = 1e-5
-# Growth rate of disturbances, in units of model.rate, above which a state is unstable: above what
-# the mesh leaves of neutral ones. Slower growth makes little of a disturbance in a run of the
-# default length.
+# Growth rate of disturbances, in units of model.rate, above which a state is unstable: the error
+# that it is found with. Slower growth makes little of a disturbance in a run of the default length.
 UNSTABLE = SETTLED
 # Relative change, in units of STEADY, that ends a rest.
 CHANGED = 3.0
@@ -57,12 +56,11 @@ STABLE_GROWTH = 2.4
 
 @dataclass(frozen=True)
 class Rest:
-    """What is known of a cell that no longer changes: since when [T], how fast small disturbances
-    grow [1/T], None if that could not be found, and whether growth has been waited for in vain."""
+    """What is known of a cell that no longer changes: since when [T], and how fast small
+    disturbances grow [1/T], None if that could not be found."""
 
     since: float
     growth: float | None
-    in_vain: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +91,18 @@ class Step:
     @property
     def unstable(self) -> bool:
         """Whether the cell does not change, but a small disturbance grows."""
-        grows = (self.growth or 0.0) > UNSTABLE * self.model.rate
-        return self.rest is not None and grows and not self.rest.in_vain
+        return self._grows and not self.in_vain
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether growth has been waited for so long that it is none of the run."""
+        rest = self.rest
+        waited = 0.0 if rest is None else (self.state.t - rest.since) * (rest.growth or 0.0)
+        return self._grows and waited > PATIENCE
+
+    @property
+    def _grows(self) -> bool:
+        return (self.growth or 0.0) > UNSTABLE * self.model.rate
 
     @property
     def growth(self) -> float | None:
@@ -231,15 +239,10 @@ def _accepted(
 ) -> Step:
     """The step after `before`, with what is to be known of its state."""
     rate, still = _rate(model, history[0], flow)
-    step = Step(before.number + 1, model, history, flow, next_dt, rejected, rate)
-    t = step.state.t
-    if before.rest is not None and rate < CHANGED * STEADY:
-        step = replace(step, rest=before.rest)
-        if step.unstable and (t - before.rest.since) * (before.growth or 0.0) > PATIENCE:
-            step = replace(step, rest=replace(before.rest, in_vain=True))
-    elif still and rate <= before.rate:
-        step = replace(step, rest=Rest(t, leading_growth_rate(model, step.state, flow)))
-    return step
+    rest = before.rest if rate < CHANGED * STEADY else None
+    if rest is None and still and rate <= before.rate:
+        rest = Rest(history[0].t, leading_growth_rate(model, history[0], flow))
+    return Step(before.number + 1, model, history, flow, next_dt, rejected, rate, rest)
 
 
 def _tried(

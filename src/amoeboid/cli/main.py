@@ -9,6 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from amoeboid.cli.program import INTERRUPTED
 from amoeboid.validation import InvalidInput
 
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
@@ -34,7 +35,7 @@ MISTAKEN_PATH = {
     errno.EROFS,
 }
 
-FAILURE, USER_MISTAKE, INTERRUPTED = 1, 2, 130
+FAILURE, USER_MISTAKE = 1, 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:

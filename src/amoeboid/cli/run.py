@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.program import INTERRUPTED
 from amoeboid.cli.settings import add_settings, field_table, print_json
 from amoeboid.config import Config, anchored, config_from_toml, shortest_step, with_settings
 from amoeboid.validation import InvalidInput, is_text
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from amoeboid.store import Run
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
-FINISHED, DIVERGED, INTERRUPTED = 0, 1, 130
+FINISHED, DIVERGED = 0, 1
 INTERRUPTION = "interrupted"
 EXIT_CODES = {"finished": FINISHED, "diverged": DIVERGED, "interrupted": INTERRUPTED}
 
@@ -239,7 +240,7 @@ def _stability(last: Step) -> str:
     if last.growth is None:
         return "the state is steady: it stays; how fast disturbances decay could not be found"
     size = f"{abs(last.growth):.3g} per unit of time"
-    if last.rest.in_vain:
+    if last.in_vain:
         return (
             f"the state is steady: a disturbance should grow at {size} and has not shown; "
             "the mesh may be too coarse for it, or time.max_step too long for an oscillation"

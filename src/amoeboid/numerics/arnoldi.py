@@ -38,7 +38,7 @@ def ritz_values(
                 column[k] += part
                 x = x - part * vector
         column[-1] = np.linalg.norm(x)
-        H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])])[: len(column)], column])
+        H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])]), column])
         values, vectors = np.linalg.eig(H[:-1])
         residuals = np.abs(column[-1] * vectors[-1])
         yield values.astype(np.complex128), residuals, _conditions(vectors)

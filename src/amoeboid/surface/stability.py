@@ -81,17 +81,10 @@ def leading_growth_rate(
 def _with_steps(
     model: Model, state: State, flow: Flow, step: float, tolerance: float, settled: float
 ) -> float | None:
-    p, dt = model.parameters, step / model.rate
-    g = geometry(state.r, model.mesh.faces)
-    slope = gradient(state.c, g, model.mesh) / (p.c0 + state.c)[:, None]
-    left_out = _left_out(model, state, g, slope)
-    image = linearized_step(model, state, flow, g, slope, dt, tolerance)
+    dt = step / model.rate
+    image, start = restricted_step(model, state, flow, dt, tolerance)
     noise = SHARE_OF_TOLERANCE * tolerance / AMPLITUDE
-
-    def remaining(y: Array) -> Array:
-        return np.asarray(y - left_out @ (left_out.T @ y))
-
-    found = ritz_values(lambda y: remaining(image(y)), remaining(_start(state, model)))
+    found = ritz_values(image, start)
     for count, (values, residuals, conditions) in enumerate(found, 1):
         seen = np.abs(values) > LEAST_FACTOR
         if count >= FEWEST and seen.any():
@@ -104,6 +97,21 @@ def _with_steps(
         if count >= MOST:
             break
     return None
+
+
+def restricted_step(
+    model: Model, state: State, flow: Flow, dt: float, tolerance: float
+) -> tuple[Callable[[Array], Array], Array]:
+    """`linearized_step` without what is left out, and a disturbance (2V,) to start from."""
+    g = geometry(state.r, model.mesh.faces)
+    slope = gradient(state.c, g, model.mesh) / (model.parameters.c0 + state.c)[:, None]
+    left_out = _left_out(model, state, g, slope)
+    image = linearized_step(model, state, flow, g, slope, dt, tolerance)
+
+    def remaining(y: Array) -> Array:
+        return np.asarray(y - left_out @ (left_out.T @ y))
+
+    return lambda y: remaining(image(y)), remaining(_start(state, model))
 
 
 def linearized_step(
@@ -143,8 +151,7 @@ def _left_out(model: Model, state: State, g: Geometry, slope: Array) -> Array:
     if p.beta == 0.0:
         of_shape = weighted_area_gradient(g, faces, state.c[faces].mean(axis=1))
         along = p.R0 * np.einsum("vi,vi->v", of_shape, g.normals)
-        number = np.concatenate([g.node_areas * (p.c0 + state.c), along])
-        columns.append(number[:, None] / np.linalg.norm(number))
+        columns.append(np.concatenate([g.node_areas * (p.c0 + state.c), along])[:, None])
     return np.linalg.qr(np.hstack(columns))[0]
 
 

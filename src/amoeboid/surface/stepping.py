@@ -78,8 +78,8 @@ def semi_implicit_step(
     """
     past = history[:2]
     now, t = past[0], past[0].t + dt
-    r_ahead, c_ahead = _expected(past, t)
-    c_ahead = np.maximum(c_ahead, 0.0)
+    ahead, expected = foreseen(past, t), foreseen(history, t)
+    r_ahead, c_ahead = ahead.r, np.maximum(ahead.c, 0.0)
 
     known = _known(model, past, t)
     r_known, implicit = known[0].r, known[0].dt
@@ -89,7 +89,6 @@ def semi_implicit_step(
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = r_known + implicit * drift
 
-    of_history = _foreseen(history, t)
     scaled = _Scales(1.0 / (model.parameters.c0 + c_ahead), g.normals / model.parameters.R0)
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     r_before, c_before = r, c
@@ -105,15 +104,15 @@ def semi_implicit_step(
         v_c, g = flow.v_c, geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
-        share, foreseen = of_history if order == len(past) else _foreseen(past, t)
-        error = share * difference(model, (r_new, c_new), foreseen, flow.normals)
+        of_order = expected if order == len(past) else ahead
+        error = local_error(model, of_order, (r_new, c_new), flow.normals)
         if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
         r, c = r_new, c_new
         if len(passes) > 1:
-            ahead = overshoot(*passes[-2:])
-            r = r_new + ahead * (r_new - r_before)
-            c = np.maximum(c_new + ahead * (c_new - c_before), 0.0)
+            further = overshoot(*passes[-2:])
+            r = r_new + further * (r_new - r_before)
+            c = np.maximum(c_new + further * (c_new - c_before), 0.0)
             g = geometry(r, model.mesh.faces)
         x, r_before, c_before = scaled.unknowns(r, c), r_new, c_new
     new = State(t, r_new, c_new, zeta0, _position(model, past, t, r_new, flow))
@@ -135,36 +134,41 @@ def starting_step(
     return new, flow, difference(model, (new.r, new.c), (whole.r, whole.c), flow.normals)
 
 
-def local_error(
-    model: Model, history: Sequence[State], t: float, new: tuple[Array, Array], normals: Array
-) -> float:
-    """Local error of a step from `history` to `new` (r, c) at time t, relative to R0 and c0 + |c|.
+@dataclass(frozen=True, eq=False)
+class Foreseen:
+    """Nodes `r` (V, 3) and `c` (V,) at a time, extrapolated from past states.
 
-    From the distance to the extrapolated past; nodes that move within the surface make no error.
-    A single state knows of none: 0. Of two, it is that of a first-order step.
+    `share`: how much of the distance from there is error of the step to that time.
     """
-    share, foreseen = _foreseen(history, t)
-    return share * difference(model, new, foreseen, normals)
+
+    share: float
+    r: Array
+    c: Array
 
 
-def _foreseen(history: Sequence[State], t: float) -> tuple[float, tuple[Array, Array]]:
-    """Nodes and concentration at time t as expected from all of `history`, and how much of the
-    distance to them is error of a step."""
-    times = [state.t for state in history]
-    share = error_share(times, t) if len(times) > 1 else 0.0
-    return share, _expected(history, t)
-
-
-def _expected(history: Sequence[State], t: float) -> tuple[Array, Array]:
-    """Nodes and concentration at time t, extrapolated from all of `history`."""
+def foreseen(history: Sequence[State], t: float) -> Foreseen:
+    """What all of `history` foresees for time t. Two states know of the error of a first-order
+    step, a single one of none."""
     times = [state.t for state in history]
     r = extrapolated(times, [state.r for state in history], t)
-    return r, extrapolated(times, [state.c for state in history], t)
+    c = extrapolated(times, [state.c for state in history], t)
+    return Foreseen(error_share(times, t) if len(times) > 1 else 0.0, r, c)
+
+
+def local_error(
+    model: Model, expected: Foreseen, new: tuple[Array, Array], normals: Array
+) -> float:
+    """Local error of a step to `new` (r, c), relative to R0 and c0 + |c|.
+
+    From the distance to what was foreseen; nodes that move within the surface make no error.
+    """
+    return expected.share * difference(model, new, (expected.r, expected.c), normals)
 
 
 @dataclass(frozen=True, eq=False)
 class _Known:
-    """What is known of nodes `r` (V, 3) and `filaments` (V,) before an implicit step of dt."""
+    """What is known of nodes `r` (V, 3) and `filaments` (V,) before an implicit step of dt and of
+    this order."""
 
     r: Array
     filaments: Array
