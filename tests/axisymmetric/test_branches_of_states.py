@@ -18,7 +18,7 @@ from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_resid
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.numerics.continuation import Options, at_distance, through
 from amoeboid.numerics.newton import newton
-from amoeboid.numerics.singular import FoldSystem, fold_unknowns
+from amoeboid.numerics.singular import fold_system
 from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
@@ -76,8 +76,8 @@ def test_the_fold_is_the_same_by_another_method_and_at_another_resolution(subcri
         system = SteadySystem(Parameters(D=0.4), n, ("v_p0", "D"))
         carry = SteadySystem(Parameters(D=0.4), 32).prolonged if n == 64 else lambda x: x
         assert fold.x.size == 99
-        start, normal = fold_unknowns(carry(fold.x), carry(fold.x_tangent), fold.parameter)
-        folds, q = FoldSystem(system, normal), np.array([0.4])
+        folds, start = fold_system(system, carry(fold.x), carry(fold.x_tangent), fold.parameter)
+        q = np.array([0.4])
         found = newton(
             lambda y, f=folds, q=q: f.residual(y, q),
             lambda y, f=folds, q=q: f.residual_and_jacobian(y, q),
@@ -90,8 +90,8 @@ def test_the_fold_is_the_same_by_another_method_and_at_another_resolution(subcri
 
 def test_the_fold_curve_is_followed_in_two_parameters(subcritical):
     fold = fold_of(subcritical).point
-    start, normal = fold_unknowns(fold.x, fold.x_tangent, fold.parameter)
-    folds = FoldSystem(SteadySystem(Parameters(D=0.4), 32, ("v_p0", "D")), normal)
+    system = SteadySystem(Parameters(D=0.4), 32, ("v_p0", "D"))
+    folds, start = fold_system(system, fold.x, fold.x_tangent, fold.parameter)
     options = Options(parameter_scale=0.4, max_step=0.2)
     begin = through(folds, start, 0.4, 1.0, options)
     there = at_distance(begin, 0.05, options)

@@ -16,7 +16,7 @@ from amoeboid.numerics.continuation import (
     through,
 )
 from amoeboid.numerics.newton import newton
-from amoeboid.numerics.singular import FoldSystem, fold_unknowns
+from amoeboid.numerics.singular import fold_system
 from amoeboid.validation import InvalidInput
 
 
@@ -83,8 +83,7 @@ def test_an_event_is_located_on_the_branch():
 
 def test_the_fold_is_followed_in_a_second_parameter_along_the_cusp():
     phi = np.array([1.0])
-    x, normal = fold_unknowns(np.array([-0.9]), phi, 1.9)
-    system = FoldSystem(Cusp(), normal)
+    system, x = fold_system(Cusp(), np.array([-0.9]), phi, 1.9)
     q = np.array([3.0])
     first = newton(lambda y: system.residual(y, q), lambda y: system.residual_and_jacobian(y, q), x)
     assert first.converged

@@ -345,7 +345,7 @@ def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3), watch: Watch = u
 
 def _without_speed(p: Parameters) -> str:
     """Why no branch in v_p0 can be followed because v_p(c0) is the same for all v_p0, or empty."""
-    other = p.replace(v_p0=2 * p.v_p0 + 1.0)
+    other = p.replace(v_p0=2 * p.v_p0 or p.R0 * p.rate)
     here = float(p.v_p(p.c0))
     if here != float(other.v_p(p.c0)):
         return ""
@@ -361,8 +361,8 @@ def _reached_in_time(p: Parameters) -> list[SteadyState]:
     found = []
     for amplitude in (0.1, 0.9):
         with suppress(StepTooSmall, InvalidInput):
-            end = settled(p, perturbed_sphere(p, {1: amplitude * p.c0}), 1000.0 * p.R0, rate=1e-7)
-            found.append(polished(end))
+            start = perturbed_sphere(p, {1: amplitude * p.c0})
+            found.append(polished(settled(p, start, 1000.0 / p.rate, rate=1e-7)))
     return [state for state in found if state.converged]
 
 

@@ -23,6 +23,7 @@ from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
     MAX_MODES,
     MODES,
+    Scales,
     SteadyState,
     series_maximum,
     steady_state,
@@ -37,13 +38,15 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[Any]
 
 TAIL = 1e-9
+FIRST_STEP, MIN_STEP = 1e-3, 1e-12
+"""Time steps in units of 1/rate."""
 
 
 @dataclass(frozen=True)
 class Instant:
     """The cell at time t: sine coefficients of psi - x and u, cosine coefficients of c; zeta_0.
 
-    `rate` is the scaled rate of change of the state, zero when it is steady.
+    `rate` is the scaled rate of change of the state [1/time], zero when it is steady.
     """
 
     parameters: Parameters
@@ -166,7 +169,16 @@ class Dynamics:
         V = w + speed(c, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
-        return stacked([tangential, normal, fixed_area, at_rest])
+        s = Scales.of(self.parameters)
+        change = s.speed * self.parameters.R0
+        return stacked(
+            [
+                tangential / s.force,
+                normal / s.force,
+                fixed_area / change,
+                at_rest / (change * self.parameters.R0),
+            ]
+        )
 
     def _velocities(self, closed: tuple[Shape, Array, Array]) -> Array:
         """Coefficients of u and w, zeta_0 and the slack axial force, from the force balance."""
@@ -252,9 +264,10 @@ def evolve(
 
     The number of points doubles when the series need it. Raises StepTooSmall if the error cannot
     be controlled or MAX_MODES do not resolve the state, InvalidInput for an impossible start.
+    `control` has its steps in the units of p; left out, they are measured in 1/p.rate.
     """
     dynamics = Dynamics(p, (y.size + 2) // 2)
-    base = control or Control()
+    base = control or Control(first_step=FIRST_STEP / p.rate, min_step=MIN_STEP / p.rate)
     t, step = 0.0, base.first_step
     yield dynamics.instant(t, y)
     while t < end * (1 - 1e-14):
@@ -273,10 +286,10 @@ def evolve(
 def settled(
     p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
 ) -> Instant:
-    """The last instant of an evolution: steady to `rate`, or at time `end`."""
+    """The last instant of an evolution: steady to `rate` in units of p.rate, or at time `end`."""
     last = None
     for last in evolve(p, y, end, control):
-        if last.rate <= rate:
+        if last.rate <= rate * p.rate:
             break
     if last is None:
         raise InvalidInput(f"end must be > 0, got {end!r}")

@@ -21,7 +21,7 @@ from amoeboid.axisymmetric.stability import count_unstable, growth_rates, unstab
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
 from amoeboid.numerics.continuation import Options, Point, Stalled, follow, through
 from amoeboid.numerics.newton import newton
-from amoeboid.numerics.singular import FoldSystem, fold_unknowns
+from amoeboid.numerics.singular import fold_system
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
@@ -164,9 +164,9 @@ def fold_line(
     """
     fold = column.folds[0]
     n = (fold.x.size - 3) // 3
-    start, normal = fold_unknowns(fold.x, fold.x_tangent, fold.parameter)
     at = p.replace(**{name: column.value, "v_p0": fold.parameter})
-    system = FoldSystem(SteadySystem(at, n, ("v_p0", name)), normal)
+    steady = SteadySystem(at, n, ("v_p0", name))
+    system, start = fold_system(steady, fold.x, fold.x_tangent, fold.parameter)
     q = np.array([column.value])
     found = newton(
         lambda y: system.residual(y, q),

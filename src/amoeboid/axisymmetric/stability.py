@@ -6,6 +6,9 @@ X' = h n, X'_1 = h_s n + kappa_1 h t, X'_2 = i (m/r) h n + kappa_2 h e_phi, the 
 D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
 integral of sqrt(g) sigma^ij X_j . y_i = integral of delta_P sqrt(g) n . y for all velocities y.
 Translations and rotations are neutral; the spectrum is that of what is left.
+
+h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:
+lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`).
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.dimensions import natural_units
 from amoeboid.numerics.newton import solve
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
@@ -35,7 +39,10 @@ ROUNDING = 8 * float(np.finfo(float).eps)
 
 
 ROTATION_SEEN = 1e-6
-"""A homogeneous sphere looks the same after a rotation: no mode is removed for it."""
+"""A homogeneous sphere looks the same after a rotation: no mode is removed for it.
+
+The size of the mode of rotation, in natural units, from which on it counts.
+"""
 
 
 @dataclass(frozen=True)
@@ -65,7 +72,7 @@ class Base:
 class Spectrum:
     """Growth rates [1/time] for one azimuthal number, fastest first, rigid motions left out.
 
-    `modes` holds one column each: harmonic coefficients of h, then of c'.
+    `modes` holds one column each: harmonic coefficients of h/R0, then of c'/c0 (`natural_units`).
     """
 
     m: int
@@ -90,18 +97,25 @@ def spectrum(state: SteadyState, m: int, degree: int | None = None) -> Spectrum:
     Raises InvalidInput if the state is not converged.
     """
     matrix, removed, basis = reduced_matrix(state, m, degree or degree_for(state))
-    complement = np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
+    complement = _complement(removed)
     rates, modes = np.linalg.eig(complement.T @ matrix @ complement)
     order = np.argsort(-rates.real, kind="stable")
-    return Spectrum(m, rates[order], complement @ modes[:, order], basis)
+    unit = natural_units(state.parameters).of("1/T")
+    return Spectrum(m, unit * rates[order], complement @ modes[:, order], basis)
 
 
 def growth_rates(state: SteadyState, m: int, degree: int | None = None) -> Array:
     """The rates of `spectrum` alone, fastest first; cheaper."""
     matrix, removed, _ = reduced_matrix(state, m, degree or degree_for(state))
-    complement = np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
+    complement = _complement(removed)
     rates = np.linalg.eigvals(complement.T @ matrix @ complement)
-    return rates[np.argsort(-rates.real, kind="stable")]
+    unit = natural_units(state.parameters).of("1/T")
+    return unit * rates[np.argsort(-rates.real, kind="stable")]
+
+
+def _complement(removed: Array) -> Array:
+    """Orthonormal columns that span all that is orthogonal to the columns of `removed`."""
+    return np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
 
 
 def unstable_modes(state: SteadyState, degree: int | None = None) -> dict[int, int]:
@@ -126,9 +140,10 @@ def neutral_rate(rates: Array, p: Parameters) -> float:
 
 
 def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
-    """Rates of (rho_l, c_l) on the homogeneous sphere, from the linearization of this module.
+    """Rates of (rho_l, c_l/c0) on the homogeneous sphere, from the linearization of this module.
 
-    Shape (2, 2) for l >= 2 and (1, 1), c alone, for l = 0 and 1, whose h is no deformation.
+    In units of the fastest rate of the cell (`natural_units`). Shape (2, 2) for l >= 2 and (1, 1),
+    c alone, for l = 0 and 1, whose h is no deformation.
     """
     matrix, _, basis = reduced_matrix(homogeneous(p, 4), 0, max(l, 2))
     count = basis.degrees.size
@@ -139,11 +154,14 @@ def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
 def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Array, Harmonics]:
     """(A, removed, basis): A is the rate of (h, c'); `removed` spans what the spectrum leaves out.
 
+    Both in the natural units of the cell.
+
     That is the constraint of fixed area and, at beta = 0, of the filament number (m = 0), and the
     neutral translation (m = 0, 1) and rotation (m = 1).
     """
     if not state.converged:
         raise InvalidInput("stability needs a converged steady state; this one is not")
+    state = state.in_units(natural_units(state.parameters))
     basis = harmonics(m, degree, (3 * degree) // 2 + 4)
     base = base_fields(state, basis)
     trial = _trial_velocities(base, basis, state.length_scale)
@@ -153,7 +171,7 @@ def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Arra
     h_rate, c_rate = _rates(state.parameters, base, perturbed, response)
     mass = basis.values.T @ (base.measure * basis.values)
     matrix = np.vstack([np.linalg.solve(mass, h_rate), np.linalg.solve(mass, c_rate)])
-    removed = _removed(state.parameters, base, basis, mass, rigid)
+    removed = _removed(state.parameters.beta, base, basis, mass, rigid)
     return matrix, removed, basis
 
 
@@ -349,7 +367,7 @@ def _rates(
 
 
 def _removed(
-    p: Parameters,
+    beta: float,
     base: Base,
     basis: Harmonics,
     mass: Array,
@@ -362,11 +380,11 @@ def _removed(
     if basis.degrees[0] == 0:
         H = (base.kappa_1 + base.kappa_2)[:, 0]
         columns.append(np.concatenate([H @ weighted, none]))
-        if p.beta == 0:
+        if beta == 0:
             columns.append(np.concatenate([(H * base.c[:, 0]) @ weighted, none + weighted.sum(0)]))
     for a, _, w in rigid:
         h, c = weighted.T @ w, -weighted.T @ (a * base.c_s)
         mode = np.concatenate([np.linalg.solve(mass, h)[:, 0], np.linalg.solve(mass, c)[:, 0]])
-        if np.linalg.norm(mode) > ROTATION_SEEN * p.R0:
+        if np.linalg.norm(mode) > ROTATION_SEEN:
             columns.append(mode / np.linalg.norm(mode))
     return np.column_stack(columns) if columns else np.zeros((2 * none.size, 0))

@@ -9,7 +9,7 @@ from the turnover, for beta = 0 it is the conserved number).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
 from typing import Any
@@ -27,6 +27,7 @@ from amoeboid.axisymmetric.unknowns import (
     resampled,
     split,
 )
+from amoeboid.dimensions import Units, in_units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
 from amoeboid.parameters import Parameters
@@ -55,7 +56,7 @@ class Scales:
         frequency = p.beta + p.D / p.R0**2
         speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
         if speed_here == 0:
-            speed_here = max(p.v_p0, p.R0)
+            speed_here = p.v_p0 or p.delta_P * p.R0**2 / (p.eta_s + p.eta_b) or p.R0
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
         force = p.delta_P + viscous + p.alpha * concentration / p.R0
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
@@ -172,6 +173,14 @@ class SteadyState:
     converged: bool
     residuals: tuple[float, ...]
     message: str = ""
+
+    def in_units(self, units: Units) -> SteadyState:
+        """The same state measured in other units; the residuals are dimensionless."""
+        speed, concentration = units.of("L/T"), units.of("N/L^2")
+        scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
+        sizes = np.repeat([1.0, speed, concentration], [self.n - 1, self.n, self.n])
+        x = self.x / np.concatenate([sizes, scalars])
+        return replace(self, parameters=in_units(self.parameters, units), x=x)
 
     @cached_property
     def shape(self) -> Shape:

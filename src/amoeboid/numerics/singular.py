@@ -22,22 +22,25 @@ Array = NDArray[Any]
 class FoldSystem:
     """The folds of `system` in its first parameter, as a function of its other parameters.
 
-    Unknowns (x, phi, q_1); `normal` (n,) is the functional l. Itself a `System`.
+    Unknowns (x, phi, q_1); `normal` (n,) is the functional l and `parameter_scale` the magnitude of
+    q_1. Itself a `System`.
     """
 
     system: System
     normal: Array
+    parameter_scale: float
 
     @cached_property
     def scale(self) -> Array:
         """Magnitudes of (x, phi, q_1)."""
         s = self.system.scale
-        return np.concatenate([s, s, [1.0]])
+        return np.concatenate([s, s, [self.parameter_scale]])
 
     @cached_property
     def weights(self) -> Array:
         """Inner product of x and q_1 only: phi follows from them."""
-        return np.concatenate([self.system.weights, 0.0 * self.system.weights, [1.0]])
+        weights = self.system.weights
+        return np.concatenate([weights, 0.0 * weights, [self.parameter_scale**-2]])
 
     def residual(self, x: Array, q: Array) -> Array:
         """(F, F_x phi, <l, phi> - 1)."""
@@ -70,7 +73,9 @@ class FoldSystem:
     def refined(self) -> FoldSystem | None:
         """The folds of the refined system."""
         finer = self.system.refined()
-        return None if finer is None else FoldSystem(finer, self.system.prolonged(self.normal))
+        if finer is None:
+            return None
+        return FoldSystem(finer, self.system.prolonged(self.normal), self.parameter_scale)
 
     def prolonged(self, x: Array) -> Array:
         """(x, phi, q_1) carried to the refined system."""
@@ -83,7 +88,13 @@ class FoldSystem:
         return x[:n], x[n : 2 * n], np.concatenate([x[2 * n :], q])
 
 
-def fold_unknowns(x: Array, null_vector: Array, parameter: float) -> tuple[Array, Array]:
-    """(start, normal) for a FoldSystem from a solution near the fold and its null vector."""
-    phi = null_vector / np.linalg.norm(null_vector)
-    return np.concatenate([x, phi, [parameter]]), phi
+def fold_system(
+    system: System, x: Array, null_vector: Array, parameter: float
+) -> tuple[FoldSystem, Array]:
+    """The folds of `system` near a solution x with its null vector, and where to start from.
+
+    phi has the length 1 in units of `system.scale`, so that nothing depends on the units of x.
+    """
+    phi = null_vector / np.linalg.norm(null_vector / system.scale)
+    folds = FoldSystem(system, phi / system.scale**2, abs(parameter) or 1.0)
+    return folds, np.concatenate([x, phi, [parameter]])
