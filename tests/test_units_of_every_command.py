@@ -66,15 +66,16 @@ def test_a_command_gives_the_same_cell_in_any_units(command, capsys):
 def test_growth_rates_of_the_cell_of_the_paper_do_not_depend_on_units():
     """SI was wrong by 20 to 30 %, and its stable cell had 8 unstable modes.
 
-    The six fastest: the others are so far from normal that rounding moves them by 1e-6.
+    The fastest pair: the condition number of an eigenvalue, 7e4 at the most for it, is 3e7 for the
+    second pair and 2e9 for the third (m = 1), whatever the units.
     """
     p, _ = to_simulation(PAPER_CELL)
     polarized = {name: steady_states(measured(p, name), (1,))[-1] for name in SYSTEMS}
     for m in range(4):
-        expected = growth_rates(polarized[OWN], m)[:6]
+        expected = growth_rates(polarized[OWN], m)[:2]
         assert expected[0].real < 0
         for name, units in SYSTEMS.items():
-            found = growth_rates(polarized[name], m)[:6] * units.of("1/T")
+            found = growth_rates(polarized[name], m)[:2] * units.of("1/T")
             np.testing.assert_allclose(found, expected, rtol=TOLERANCE, err_msg=name)
 
 
