@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 from dataclasses import fields
 from typing import Any
 
+from amoeboid.cli.output import say, tell
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.parameters import Parameters
 from amoeboid.validation import rule
@@ -37,16 +37,16 @@ def parameters_of(args: argparse.Namespace) -> Parameters:
 def warn_without_pressure(command: str, lowest: float) -> None:
     """Say on standard error that counts of growing modes mean little at delta_P = 0."""
     if lowest == 0:
-        print(
-            f"amoeboid {command}: at delta_P = 0 short waves are hardly damped and the counts of "
-            "unstable modes depend on the resolution; raise delta_P to trust them",
-            file=sys.stderr,
+        tell(
+            command,
+            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
+            "on the resolution; raise delta_P to trust them",
         )
 
 
 def print_json(result: dict[str, Any]) -> None:
     """Print one JSON object; NaN or infinity in it is an internal error."""
-    print(json.dumps(result, allow_nan=False))
+    say(json.dumps(result, allow_nan=False))
 
 
 def field_table() -> str:
