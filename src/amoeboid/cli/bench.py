@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.settings import add_settings, print_json
+from amoeboid.cli.settings import add_settings, print_json, whole
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import FILES, Config, resolved, with_settings
 from amoeboid.validation import InvalidInput
@@ -66,10 +66,7 @@ def _count(text: str) -> int:
 
 
 def _integer(text: str, least: int, most: int) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = least - 1
+    value = whole(text)
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(
             f"must be an integer from {least} to {most}, got {text[:40]!r}"

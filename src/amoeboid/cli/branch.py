@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
+from amoeboid.cli.settings import (
+    add_settings,
+    parameters_of,
+    print_json,
+    real,
+    warn_without_pressure,
+    whole,
+)
 from amoeboid.cli.tables import number, table, width
 from amoeboid.validation import InvalidInput
 
@@ -30,22 +37,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="start",
-        type=float,
+        type=real,
         metavar="VALUE",
         help="one end of the window (0 for v_p0, else the parameter's own value)",
     )
     parser.add_argument(
-        "--to", dest="end", type=float, required=True, metavar="VALUE", help="the other end"
+        "--to", dest="end", type=real, required=True, metavar="VALUE", help="the other end"
     )
     parser.add_argument(
         "--max-step",
-        type=float,
+        type=real,
         default=0.1,
         metavar="LENGTH",
         help="longest step along the branch; smaller gives more points (0.1)",
     )
     parser.add_argument(
-        "--max-points", type=int, default=400, metavar="N", help="stop after N points (400)"
+        "--max-points", type=whole, default=400, metavar="N", help="stop after N points (400)"
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = (

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown, shown_line
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.settings import add_settings, parameters_of, print_json, real, whole
 from amoeboid.cli.tables import number, width
 from amoeboid.validation import InvalidInput
 
@@ -28,19 +28,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
     parser.add_argument(
-        "--from", dest="low", type=float, default=0.03, metavar="VALUE", help="its lowest (0.03)"
+        "--from", dest="low", type=real, default=0.03, metavar="VALUE", help="its lowest (0.03)"
     )
     parser.add_argument(
-        "--to", dest="high", type=float, default=0.6, metavar="VALUE", help="its highest (0.6)"
+        "--to", dest="high", type=real, default=0.6, metavar="VALUE", help="its highest (0.6)"
     )
     parser.add_argument(
-        "--speed-from", type=float, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
+        "--speed-from", type=real, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
     )
     parser.add_argument(
-        "--speed-to", type=float, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
+        "--speed-to", type=real, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
     )
-    parser.add_argument("--columns", type=int, default=40, metavar="N", help="values of it (40)")
-    parser.add_argument("--rows", type=int, default=40, metavar="N", help="values of v_p0 (40)")
+    parser.add_argument("--columns", type=whole, default=40, metavar="N", help="values of it (40)")
+    parser.add_argument("--rows", type=whole, default=40, metavar="N", help="values of v_p0 (40)")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = PLOT_FAILS
 

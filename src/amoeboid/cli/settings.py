@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 from dataclasses import fields
 from typing import Any
 
@@ -11,6 +12,10 @@ from amoeboid.cli.output import say, tell
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.parameters import Parameters
 from amoeboid.validation import rule
+
+# nan and inf are numbers that every option refuses with its own range.
+NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf)", re.ASCII)
+WHOLE_NUMBER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -27,6 +32,22 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on standard output, nothing else"
     )
+
+
+def real(text: str) -> float:
+    """An option's number as people write it; `float` takes 1_000 and digits of any script too."""
+    if not NUMBER.fullmatch(text.strip()):
+        raise argparse.ArgumentTypeError(
+            f"must be a number such as 0.03 or 1e-6, with a decimal point, got {text[:40]!r}"
+        )
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """An option's whole number."""
+    if not WHOLE_NUMBER.fullmatch(text.strip()):
+        raise argparse.ArgumentTypeError(f"must be a whole number, got {text[:40]!r}")
+    return int(text)
 
 
 def parameters_of(args: argparse.Namespace) -> Parameters:
