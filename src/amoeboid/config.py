@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
@@ -26,6 +27,7 @@ from amoeboid.validation import (
     vector,
 )
 
+POINT_AT_AN_END = re.compile(r"[+-]?(?:\d+\.|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 SCHEMES = ("semi-implicit", "explicit")
 # The step of the explicit scheme in the paper, in units of 1/rate.
 EXPLICIT_STEP = 1e-5
@@ -238,7 +240,8 @@ def _value(text: str) -> Any:
     try:
         document = tomllib.loads(f"value = {text}")
     except (ValueError, RecursionError):
-        return text
+        # .5 and 5. are numbers too, though not in TOML
+        return float(text) if POINT_AT_AN_END.fullmatch(text) else text
     return document["value"] if document.keys() == {"value"} else text
 
 

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import tomli_w
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array, Exponential, Law
-from amoeboid.polymerization import law as law_from
+from amoeboid.polymerization import Array, LawField
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -36,10 +35,9 @@ class Parameters:
     D: float = number(0.03, "filament diffusion coefficient", "L^2/T", ge=0)
     v_p0: float = number(3.8, "polymerization speed scale", "L/T", ge=0)
     alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
-    law: Law = field(default_factory=Exponential)
+    law: LawField = LawField()  # a Law, or its name or expression
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "law", law_from(self.law))
         validate(self)
 
     def v_p(self, c: ArrayLike) -> Array:

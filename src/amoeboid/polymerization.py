@@ -215,3 +215,18 @@ def law(spec: str | Law) -> Law:
     if isinstance(spec, str) and spec.strip() in NAMED_LAWS:
         return NAMED_LAWS[spec.strip()]()
     return Custom(spec)
+
+
+class LawField:
+    """Descriptor of a dataclass field that is set to a law or its text, and read as a law."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object | None, owner: type) -> Law:
+        """The law; of the class, the default one."""
+        return Exponential() if instance is None else instance.__dict__[self._name]
+
+    def __set__(self, instance: object, value: str | Law) -> None:
+        """Take what `law` takes. Raises InvalidInput."""
+        instance.__dict__[self._name] = law(value)

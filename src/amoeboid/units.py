@@ -6,6 +6,7 @@ the simulation: length R0, time 1/beta, mass eta_s/beta, filaments c_r R0^2.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -45,8 +46,32 @@ _EXAMPLES = {
 }
 
 
-# pint computes powers as written, and 9**9**9 would take forever: one-digit exponents only.
-_UNREASONABLE_POWER = re.compile(r"(\*\*|\^)(?!\s*[-+]?\d(?![\d.])(?!\s*(\*\*|\^)))")
+# Signs of print, and blanks of any width, as the keyboard has them.
+_SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
+_TOKEN = re.compile(
+    r"""\ *(?:
+    (?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)
+    | (?P<unit>[A-Za-z\u00b5\u03bc\u00c5\u212b\u03a9][A-Za-z0-9_\u00b5\u03bc\u00c5\u212b\u03a9]*)
+    | (?P<power>(?:\^|\*\*)\ *[+-]?\d(?![\d.])|[\u207b]?[\u00b2\u00b3\u00b9\u2070\u2074-\u2079])
+    | (?P<sign>[+-])
+    | (?P<operator>[*/])
+    | (?P<opening>\()
+    | (?P<closing>\))
+    | (?P<end>$)
+    )""",
+    re.VERBOSE | re.ASCII,
+)
+# What each part of a quantity may follow; "" is the beginning.
+_FOLLOWS = {
+    "number": {"", "sign", "operator", "opening"},
+    "unit": {"number", "unit", "power", "operator", "opening", "closing"},
+    "power": {"number", "unit", "closing"},
+    "sign": {""},
+    "operator": {"number", "unit", "power", "closing"},
+    "opening": {"", "operator"},
+    "closing": {"number", "unit", "power", "closing"},
+    "end": {"number", "unit", "power", "closing"},
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,27 +164,74 @@ def _in_base_units(name: str, value: Any) -> float:
 
 
 def _parsed(name: str, value: Any, example: str) -> Any:
-    registry = _registry()
-    if isinstance(value, registry.Quantity):
-        return value
+    """A quantity of our registry, with a finite magnitude. Raises InvalidInput."""
+    import pint
+
+    why = "it is neither a text nor a quantity of pint"
+    found: Any = None
     try:
-        if _UNREASONABLE_POWER.search(str(value)):
-            raise ValueError
-        # pint splits products at blanks and reads numbers and units only.
-        found = registry.parse_expression(value) if isinstance(value, str) else None
-        found = registry.Quantity(found) if isinstance(found, int | float) else found
-        if not isinstance(found, registry.Quantity) or not isinstance(found.magnitude, int | float):
-            raise TypeError
+        if isinstance(value, pint.Quantity):
+            found = _registry().Quantity(value.magnitude, str(value.units))
+        elif isinstance(value, str):
+            text = " ".join(value.translate(_SIGNS).split())
+            why = (
+                _misread(text) or "it has an unknown unit, or cannot be computed; a square is um^2"
+            )
+            found = None if _misread(text) else _registry().parse_expression(text)
+            found = _registry().Quantity(found) if isinstance(found, int | float) else found
+        magnitude = None if found is None else float(found.magnitude)
     except Exception:  # pint raises whatever its parser meets: tokens, attributes, zero division
+        magnitude = None
+    if magnitude is None or not math.isfinite(magnitude):
+        why = why if magnitude is None else "it is not finite"
         raise InvalidInput(
-            f"{name} must be a number with a unit, such as {example!r}, got {value!r}"
-        ) from None
+            f"{name} must be a number with a unit, such as {example!r}, got {value!r}: {why}"
+        )
     return found
+
+
+def _misread(text: str) -> str | None:
+    """What pint would not take as it is meant: it skips characters that it does not know.
+
+    Read are numbers, units, products, quotients, powers of one digit, and brackets.
+    """
+    before, place = "", 0
+    while before != "end":
+        match = _TOKEN.match(text, place)
+        if match is None or match.lastgroup is None:
+            return _stray(text[place:].lstrip())
+        kind = match.lastgroup
+        if before not in _FOLLOWS[kind]:
+            return _misplaced(kind, before)
+        if before == "" and kind == "opening":
+            kind = ""  # what may begin may begin in a bracket
+        before, place = kind, match.end()
+    return None
+
+
+def _stray(rest: str) -> str:
+    if rest[0] == ",":
+        return "write a decimal point, not a comma, and nothing between thousands"
+    if rest[0] in "^*":
+        return "powers must be whole numbers of one digit; write 1e-12, not 10^-12"
+    return f"{rest[0]!r} has no meaning in it; leave it out"
+
+
+def _misplaced(kind: str, before: str) -> str:
+    if kind == "number":
+        return "numbers stand side by side; write one, or * between them"
+    if kind == "unit":
+        return "a number must come first; write 1 for a single unit"
+    if kind == "sign":
+        return "write one number, not a sum or a range"
+    return "it ends early" if kind == "end" else "operators or brackets are misplaced"
 
 
 def _counted(quantity: Any) -> Any:
     """Moles as numbers of molecules."""
     moles = quantity.dimensionality.get("[substance]", 0)
+    if moles == 0:
+        return quantity
     return quantity * (_registry().Quantity(1, "avogadro_constant").to("1/mole")) ** moles
 
 

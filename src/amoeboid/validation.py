@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import tomllib
 from collections.abc import Iterable
 from dataclasses import Field, field, fields
@@ -13,6 +14,9 @@ from typing import Any
 
 class InvalidInput(ValueError):
     """What the user gave breaks a rule; the message names the rule, the value and the remedy."""
+
+
+DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 
 
 def number(
@@ -144,7 +148,8 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     if value is None and ("automatic" in f.metadata or "file" in f.metadata):
         return None
     kind = f.metadata["kind"]
-    problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}")
+    remedy = "; write a decimal point" if DECIMAL_COMMA.fullmatch(str(value)) else ""
+    problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}{remedy}")
     if "options" in f.metadata:
         if not isinstance(value, str) or value not in f.metadata["options"]:
             raise problem

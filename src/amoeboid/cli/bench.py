@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import Any
 
-from amoeboid.cli.settings import add_settings, print_json
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.settings import add_settings, print_json, whole
+from amoeboid.cli.tables import number, table, width
 from amoeboid.config import FILES, Config, resolved, with_settings
 from amoeboid.validation import InvalidInput
 
@@ -65,10 +66,7 @@ def _count(text: str) -> int:
 
 
 def _integer(text: str, least: int, most: int) -> int:
-    try:
-        value = int(text)
-    except ValueError:
-        value = least - 1
+    value = whole(text)
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(
             f"must be an integer from {least} to {most}, got {text[:40]!r}"
@@ -90,16 +88,16 @@ def execute(args: argparse.Namespace) -> int:
         sizes = []
         # ascending: the peak memory is that of the process so far
         for subdivisions in sorted(set(args.subdivisions)):
-            _say(f"steps on {10 * 4**subdivisions + 2} nodes")
+            tell("bench", f"steps on {10 * 4**subdivisions + 2} nodes")
             sizes.append(step_times(config, subdivisions, args.steps))
-        _say("the run to its end, and the explicit scheme beside it")
+        tell("bench", "the run to its end, and the explicit scheme beside it")
         steady_state = time_to_steady_state(config, args.explicit_steps)
         peers = []
         for subdivisions in sorted(set(args.peer_subdivisions)):
-            _say(f"a force balance on {10 * 4**subdivisions + 2} nodes against NGSolve")
+            tell("bench", f"a force balance on {10 * 4**subdivisions + 2} nodes against NGSolve")
             peers.append(compared_with_ngsolve(config.parameters, subdivisions, args.repetitions))
     except (Diverged, Disagreement) as error:
-        print(f"amoeboid bench: {error}", file=sys.stderr)
+        tell("bench", error)
         return 1
     result = {
         "machine": machine(),
@@ -131,65 +129,53 @@ def _check(config: Config) -> None:
         )
 
 
-def _say(what: str) -> None:
-    print(f"amoeboid bench: {what}", file=sys.stderr, flush=True)
-
-
 def _print(result: dict[str, Any]) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
-    console.print(_sizes_table(result["sizes"]))
+    say("best (median) time of a step and of its phases, ms", *_sizes_table(result["sizes"]))
     for growth in result["growth_exponents"]:
-        console.print(
+        say(
             f"from {growth['from_nodes']} to {growth['to_nodes']} nodes: time of a step grows as "
-            f"nodes^{growth['exponent']:.2f}"
+            f"nodes^{number(growth['exponent'], 3)}"
         )
-    _print_run(console, result["steady_state"])
+    _print_run(result["steady_state"])
     for peer in result["peers"]:
-        console.print(
-            f"\none force balance on {peer['nodes']} nodes, {peer['peer']} over amoeboid:"
-        )
+        say("", f"one force balance on {peer['nodes']} nodes, {peer['peer']} over amoeboid:")
         if "missing" in peer:
-            console.print(f"  not measured: {peer['missing']}", markup=False, soft_wrap=True)
+            say(f"  not measured: {peer['missing']}")
         else:
-            ratios = ", ".join(f"{name} {ratio:.3g}" for name, ratio in peer["ratios"].items())
-            apart = f"solutions differ by {peer['difference']:.1e}"
-            console.print(f"  {ratios}  ({apart})", soft_wrap=True)
+            ratios = ", ".join(f"{name} {number(r, 3)}" for name, r in peer["ratios"].items())
+            say(f"  {ratios}  (solutions differ by {number(peer['difference'], 2)})")
 
 
-def _print_run(console: Any, run: dict[str, Any]) -> None:
+def _print_run(run: dict[str, Any]) -> None:
     default, explicit = run["default"], run["explicit"]
-    lines = [
-        f"\nrun on {run['nodes']} nodes to t = {default['t']:.4g} ({default['ended']}):",
-        f"  {default['scheme']}: {default['wall_s']:.3g} s measured, {default['steps']} steps; "
-        f"{default['start_s']:.3g} s more for the initial state",
-    ]
+    say(
+        "",
+        f"run on {run['nodes']} nodes to t = {number(default['t'])} ({default['ended']}):",
+        f"  {default['scheme']}: {number(default['wall_s'], 3)} s measured, {default['steps']} "
+        f"steps; {number(default['start_s'], 3)} s more for the initial state",
+    )
     if run["ratio"] is None:
-        lines.append(f"  explicit: not measured, {explicit['why']}")
+        say(f"  explicit: not measured, {explicit['why']}")
     else:
-        lines += [
-            f"  explicit: {explicit['wall_s']:.4g} s extrapolated, {explicit['steps']} steps of "
-            f"{1e3 * explicit['s_per_step']:.3g} ms ({explicit['steps_measured']} measured)",
-            f"  ratio {run['ratio']:.0f}, in processor time {run['cpu_ratio']:.0f}",
-        ]
-    console.print("\n".join(lines), markup=False, soft_wrap=True)
+        say(
+            f"  explicit: {number(explicit['wall_s'], 4)} s extrapolated, {explicit['steps']} steps"
+            f" of {number(1e3 * explicit['s_per_step'], 3)} ms ({explicit['steps_measured']} "
+            "measured)",
+            f"  ratio {number(run['ratio'], 4)}, in processor time {number(run['cpu_ratio'], 4)}",
+        )
 
 
-def _sizes_table(sizes: list[dict[str, Any]]) -> Any:
-    from rich.table import Table
-
-    table = Table(title="best (median) time of a step and of its phases, ms")
-    table.add_column("")
-    for size in sizes:
-        table.add_column(f"{size['nodes']} nodes", justify="right")
-    table.add_row("step", *(_milliseconds(size["step"]) for size in sizes))
-    for phase in sizes[0]["phases"]:
-        table.add_row(f"  {phase}", *(_milliseconds(size["phases"][phase]) for size in sizes))
+def _sizes_table(sizes: list[dict[str, Any]]) -> list[str]:
+    titles = ["", *(f"{size['nodes']} nodes" for size in sizes)]
+    phases = [
+        (f"  {name}", [size["phases"][name] for size in sizes]) for name in sizes[0]["phases"]
+    ]
+    timings = [("step", [size["step"] for size in sizes]), *phases]
+    rows = [[name, *map(_milliseconds, values)] for name, values in timings]
     memory = (size["peak_memory_MiB"] for size in sizes)
-    table.add_row("peak memory, MiB", *("-" if m is None else f"{m:.0f}" for m in memory))
-    return table
+    rows.append(["peak memory, MiB", *("-" if m is None else number(m, 4) for m in memory)])
+    return table(titles, rows, "<", width())
 
 
 def _milliseconds(timing: dict[str, float]) -> str:
-    return f"{1e3 * timing['best_s']:.3g} ({1e3 * timing['median_s']:.3g})"
+    return f"{number(1e3 * timing['best_s'], 3)} ({number(1e3 * timing['median_s'], 3)})"

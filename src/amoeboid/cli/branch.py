@@ -4,12 +4,21 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
+from amoeboid.cli.settings import (
+    add_settings,
+    parameters_of,
+    print_json,
+    real,
+    warn_without_pressure,
+    whole,
+)
+from amoeboid.cli.tables import number, table, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -28,29 +37,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--from",
         dest="start",
-        type=float,
+        type=real,
         metavar="VALUE",
         help="one end of the window (0 for v_p0, else the parameter's own value)",
     )
     parser.add_argument(
-        "--to", dest="end", type=float, required=True, metavar="VALUE", help="the other end"
+        "--to", dest="end", type=real, required=True, metavar="VALUE", help="the other end"
     )
     parser.add_argument(
         "--max-step",
-        type=float,
+        type=real,
         default=0.1,
         metavar="LENGTH",
         help="longest step along the branch; smaller gives more points (0.1)",
     )
     parser.add_argument(
-        "--max-points", type=int, default=400, metavar="N", help="stop after N points (400)"
+        "--max-points", type=whole, default=400, metavar="N", help="stop after N points (400)"
     )
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = (
         "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
         "other parameter at the fastest polarized state at --from or, if there is none, where the\n"
         "sphere loses stability within the window. It ends where it leaves the window or meets\n"
-        "the sphere. Exit code 1: it could not be followed that far."
+        "the sphere. Exit code 1: it could not be followed that far.\n"
+        f"{PLOT_FAILS}"
     )
 
 
@@ -58,28 +68,28 @@ def execute(args: argparse.Namespace) -> int:
     """Follow, print, draw."""
     p = parameters_of(args)
     start = _checked_start(args, p)
-    if args.plot is not None:
-        from amoeboid.plotting.branches import check_picture_path
-
-        check_picture_path(args.plot)
+    check_picture(args.plot)
     with shown() as watch:
         branch = _branch(args, p, start, watch)
     if branch.message:
         advice = (
             "one can also end the window earlier, or smooth the states by a larger D or delta_P"
         )
-        print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
+        tell("branch", f"incomplete: {branch.message}; {advice}")
     pressures = [b.state.parameters.delta_P for b in branch.points]
     warn_without_pressure("branch", min(pressures, default=p.delta_P))
-    if args.plot is not None:
-        from amoeboid.plotting.branches import draw_branch
-
-        draw_branch(branch, args.plot)
     if args.json:
         print_json(_document(branch))
     else:
         _print_branch(branch)
-    return INCOMPLETE if branch.message else 0
+    code = INCOMPLETE if branch.message else 0
+    if args.plot is None:
+        return code
+    from amoeboid.plotting.branches import draw_branch
+
+    return (
+        code if drawn("branch", args.plot, lambda path: draw_branch(branch, path)) else NO_PICTURE
+    )
 
 
 def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
@@ -171,22 +181,18 @@ def _document(branch: Branch) -> dict[str, Any]:
 
 
 def _print_branch(branch: Branch) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    console, table = Console(), Table()
-    for title in (branch.name, "v_0", "c front", "c rear", "zeta_0", "unstable m = 0 1 2 3"):
-        table.add_column(title, justify="right")
+    titles = (branch.name, "v_0", "c front", "c rear", "zeta_0", "unstable m = 0 1 2 3")
+    rows = []
     for b in branch.points:
         s = b.state
         numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
-        table.add_row(*(f"{v:.6f}" for v in numbers), " ".join(map(str, b.unstable.values())))
-    console.print(table)
+        rows.append((*map(number, numbers), " ".join(map(str, b.unstable.values()))))
+    say(*table(titles, rows, limit=width()))
     if branch.origin is not None:
-        console.print(f"leaves the homogeneous sphere at {branch.name} = {branch.origin:.9g}")
+        say(f"leaves the homogeneous sphere at {branch.name} = {number(branch.origin, 9)}")
     for fold in branch.folds:
-        speed = fold.state.max_retrograde_speed
-        console.print(f"fold at {branch.name} = {fold.value:.9g}, v_0 = {speed:.6g}")
+        speed = number(fold.state.max_retrograde_speed)
+        say(f"fold at {branch.name} = {number(fold.value, 9)}, v_0 = {speed}")
     for c in branch.crossings:
         kind = "Hopf point" if c.oscillating else "branch point"
-        console.print(f"{kind} of m = {c.m} at {branch.name} = {c.at.value:.9g}")
+        say(f"{kind} of m = {c.m} at {branch.name} = {number(c.at.value, 9)}")

@@ -9,7 +9,8 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from amoeboid.cli.program import INTERRUPTED
+from amoeboid.cli.output import tell, warnings_told
+from amoeboid.cli.program import FAILURE, INTERRUPTED
 from amoeboid.validation import InvalidInput
 
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
@@ -35,7 +36,7 @@ MISTAKEN_PATH = {
     errno.EROFS,
 }
 
-FAILURE, USER_MISTAKE = 1, 2
+USER_MISTAKE = 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -45,15 +46,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         # a terminal that lacks a letter of a folder's name gets its number
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
-        return int(args.execute(args))
+        with warnings_told(args.command):
+            return int(args.execute(args))
     except InvalidInput as error:
-        print(f"amoeboid {args.command}: {error}", file=sys.stderr)
+        tell(args.command, error)
         return USER_MISTAKE
     except OSError as error:
-        print(f"amoeboid {args.command}: {error}", file=sys.stderr)
+        tell(args.command, error)
         return USER_MISTAKE if error.errno in MISTAKEN_PATH else FAILURE
     except KeyboardInterrupt:
-        print(f"amoeboid {args.command}: interrupted", file=sys.stderr)
+        tell(args.command, "interrupted")
         return INTERRUPTED
 
 

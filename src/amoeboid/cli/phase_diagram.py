@@ -7,18 +7,20 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.progress import shown, shown_line
+from amoeboid.cli.settings import add_settings, parameters_of, print_json, real, whole
+from amoeboid.cli.tables import number, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from amoeboid.axisymmetric.phase_diagram import PhaseDiagram
     from amoeboid.parameters import Parameters
 
 VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "alpha")
 LARGEST_GRID = 500
+GAP = 2  # blanks between the speeds and the map
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -26,62 +28,57 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings(parser)
     parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
     parser.add_argument(
-        "--from", dest="low", type=float, default=0.03, metavar="VALUE", help="its lowest (0.03)"
+        "--from", dest="low", type=real, default=0.03, metavar="VALUE", help="its lowest (0.03)"
     )
     parser.add_argument(
-        "--to", dest="high", type=float, default=0.6, metavar="VALUE", help="its highest (0.6)"
+        "--to", dest="high", type=real, default=0.6, metavar="VALUE", help="its highest (0.6)"
     )
     parser.add_argument(
-        "--speed-from", type=float, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
+        "--speed-from", type=real, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
     )
     parser.add_argument(
-        "--speed-to", type=float, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
+        "--speed-to", type=real, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
     )
-    parser.add_argument("--columns", type=int, default=40, metavar="N", help="values of it (40)")
-    parser.add_argument("--rows", type=int, default=40, metavar="N", help="values of v_p0 (40)")
+    parser.add_argument("--columns", type=whole, default=40, metavar="N", help="values of it (40)")
+    parser.add_argument("--rows", type=whole, default=40, metavar="N", help="values of v_p0 (40)")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    parser.epilog = PLOT_FAILS
 
 
 def execute(args: argparse.Namespace) -> int:
     """Compute column by column, print, draw."""
-    import sys
-
     import numpy as np
-    from rich.console import Console
-    from rich.progress import Progress
 
     from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
 
     p = parameters_of(args)
     _check(args, p)
-    if args.plot is not None:
-        from amoeboid.plotting.branches import check_picture_path
-
-        check_picture_path(args.plot)
+    check_picture(args.plot)
     values = np.linspace(args.low, args.high, args.columns)
     speeds = np.linspace(args.speed_from, args.speed_to, args.rows)
     columns = []
-    with Progress(console=Console(file=sys.stderr), transient=True) as progress:
-        task = progress.add_task(f"columns of {args.vary}", total=args.columns)
+    with shown_line() as show:
         for column in phase_columns(p, args.vary, values, speeds):
             columns.append(column)
-            progress.advance(task)
+            if show is not None:
+                show([f"column {len(columns)} of {args.columns} in {args.vary}"])
     with shown() as watch:
         diagram = phase_diagram(p, args.vary, values, speeds, tuple(columns), watch)
     for problem in diagram.problems:
-        print(f"amoeboid phase-diagram: incomplete: {problem}", file=sys.stderr)
+        tell("phase-diagram", f"incomplete: {problem}")
     if diagram.problems:
         advice = "smoother states are easier: a larger D or delta_P, a smaller --speed-to"
-        print(f"amoeboid phase-diagram: {advice}", file=sys.stderr)
-    if args.plot is not None:
-        from amoeboid.plotting.branches import draw_phase_diagram
-
-        draw_phase_diagram(diagram, args.plot)
+        tell("phase-diagram", advice)
     if args.json:
         print_json(_document(diagram))
     else:
         _print_diagram(diagram)
-    return 0
+    if args.plot is None:
+        return 0
+    from amoeboid.plotting.branches import draw_phase_diagram
+
+    succeeded = drawn("phase-diagram", args.plot, lambda path: draw_phase_diagram(diagram, path))
+    return 0 if succeeded else NO_PICTURE
 
 
 def _check(args: argparse.Namespace, p: Parameters) -> None:
@@ -131,16 +128,19 @@ def _document(diagram: PhaseDiagram) -> dict[str, Any]:
 
 
 def _print_diagram(diagram: PhaseDiagram) -> None:
-    from rich.console import Console
-
-    console = Console(width=max(100, diagram.values.size + 12), highlight=False)
-    regions: np.ndarray = diagram.regions
-    for speed, row in zip(diagram.speeds[::-1], regions[::-1], strict=True):
-        console.print(f"{speed:9.4g}  " + "".join(".Pb!?"[k] for k in row))
-    console.print(f"v_p0 up, {diagram.name} from {diagram.values[0]:g} to {diagram.values[-1]:g}")
-    console.print(". rest   P polarized   b bistable   ! neither stable   ? unresolved")
+    name, values = diagram.name, diagram.values
+    labels = [number(speed, 4) for speed in diagram.speeds]
+    margin = max(map(len, labels))
+    room = max(1, (width() or margin + GAP + values.size) - margin - GAP)
+    for first in range(0, values.size, room):  # maps side by side, where one is too wide
+        part = slice(first, first + room)
+        for label, row in zip(reversed(labels), diagram.regions[::-1], strict=True):
+            say(f"{label:>{margin}}{' ' * GAP}{''.join('.Pb!?'[k] for k in row[part])}")
+        ends = values[part]
+        say(f"v_p0 up, {name} from {number(ends[0])} to {number(ends[-1])}")
+    say(". rest   P polarized   b bistable", "! neither stable   ? unresolved")
     for value, speed in diagram.tips:
-        console.print(
-            f"super- and subcritical bifurcation meet at {diagram.name} = {value:.6g}, "
-            f"v_p0 = {speed:.6g}"
+        say(
+            f"super- and subcritical bifurcation meet at {name} = {number(value)}, "
+            f"v_p0 = {number(speed)}"
         )

@@ -1,4 +1,4 @@
-"""The installed command: `main`, with Ctrl-C ending it quietly from the first import on."""
+"""The installed command: `main`, with Ctrl-C and readers that leave ending it quietly."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from types import FrameType
 
 # KeyboardInterrupt in the middle of their work is lost (in a callback), or crashes the compiler.
 NOT_TO_BE_INTERRUPTED = {"importlib", "numba", "llvmlite"}
-INTERRUPTED = 130
+FAILURE, INTERRUPTED = 1, 130
 
 
 def program() -> int:
@@ -18,9 +18,16 @@ def program() -> int:
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
     try:
-        from amoeboid.cli.main import main
+        from amoeboid.cli.output import flushed, open_streams
 
-        return main()
+        open_streams()
+        try:
+            from amoeboid.cli.main import main
+
+            code = main()
+        except SystemExit as leaving:  # --help, --version, wrong arguments
+            code = int(leaving.code or 0)
+        return code if flushed() else code or FAILURE
     except KeyboardInterrupt:
         _say()
         return INTERRUPTED

@@ -2,13 +2,63 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
+
+from amoeboid.cli.tables import number
 
 if TYPE_CHECKING:
     from amoeboid.axisymmetric.progress import Progress, Watch
+
+Show = Callable[[Sequence[str]], None]
+
+BETWEEN = 0.1  # seconds between two lines, so that writing them takes no time
+ERASE = "\r\x1b[K"  # to the beginning of the line, and clear what follows
+
+
+@contextmanager
+def shown_line() -> Iterator[Show | None]:
+    """A function that shows a line made of parts; None where there is no terminal for it.
+
+    Parts that do not fit are left out from the last; none is cut. The line is erased at the end.
+    """
+    stream = sys.stderr
+    if stream is None or not stream.isatty() or os.environ.get("TERM") in ("dumb", "unknown"):
+        yield None
+        return
+    latest = -BETWEEN
+
+    def show(parts: Sequence[str]) -> None:
+        nonlocal latest
+        if time.monotonic() - latest < BETWEEN:
+            return
+        latest = time.monotonic()
+        with suppress(OSError):
+            stream.write(ERASE + fitting(parts, shutil.get_terminal_size().columns - 1))
+            stream.flush()
+
+    try:
+        yield show
+    finally:
+        with suppress(OSError):
+            stream.write(ERASE)
+            stream.flush()
+
+
+def fitting(parts: Sequence[str], limit: int) -> str:
+    """The first parts, two blanks apart, that fit into `limit` columns; none is cut."""
+    line = ""
+    for part in parts:
+        longer = f"{line}  {part}" if line else part
+        if len(longer) > limit:
+            break
+        line = longer
+    return line
 
 
 @contextmanager
@@ -16,15 +66,17 @@ def shown() -> Iterator[Watch]:
     """A watch that shows each step; what it wrote is erased at the end."""
     from amoeboid.axisymmetric.progress import unwatched
 
-    if not sys.stderr.isatty():
-        yield unwatched
-        return
-    from rich.console import Console
-
-    with Console(file=sys.stderr).status("starting") as status:
-        yield lambda step: status.update(line(step))
+    with shown_line() as show:
+        if show is None:
+            yield unwatched
+        else:
+            yield lambda step: show(line(step))
 
 
-def line(step: Progress) -> str:
-    """The text for one step."""
-    return f"{step.task}: {step.name} = {step.value:.6g}, {step.modes} modes, point {step.points}"
+def line(step: Progress) -> tuple[str, ...]:
+    """The parts of the line for one step."""
+    return (
+        f"{step.task}: {step.name} = {number(step.value)}",
+        f"{step.modes} modes",
+        f"point {step.points}",
+    )

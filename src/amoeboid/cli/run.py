@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import drawn
 from amoeboid.cli.program import INTERRUPTED
+from amoeboid.cli.progress import shown_line
 from amoeboid.cli.settings import add_settings, field_table, print_json
+from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, shortest_step, with_settings
 from amoeboid.validation import InvalidInput, is_text
 
@@ -72,14 +76,14 @@ def execute(args: argparse.Namespace) -> int:
         last, status, why = _simulate(run, first)
         summary = _summary(run, last, time.perf_counter() - began)
         run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
-    _draw(run, last)
     if status != "finished":
-        print(f"amoeboid run: {status}: {why}", file=sys.stderr)
-        print(f"amoeboid run: the last good state is in {run.folder}", file=sys.stderr)
+        tell("run", f"{status}: {why}")
+        tell("run", f"the last good state is in {run.folder}")
     if args.json:
         print_json(summary | {"status": status})
     else:
         _print_summary(summary, last, why)
+    _draw(run, last)
     return EXIT_CODES[status]
 
 
@@ -191,33 +195,34 @@ def _interruptible() -> Iterator[Callable[[Step], str | None]]:
 
 @contextmanager
 def _progress(run: Run) -> Iterator[Any]:
-    """A progress bar on standard error; yields a function that takes rows of the time series."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    """Progress on standard error; yields a function that takes rows of the time series."""
+    began, start, end = time.monotonic(), run.rows[-1]["t"], run.config.time.end
 
-    console = Console(stderr=True)
-    columns = (
-        TextColumn("t = {task.completed:.2f} of at most {task.total:g}"),
-        BarColumn(bar_width=24),
-        TextColumn("dt {task.fields[dt]:.3g}  speed {task.fields[speed]:.4f}  at most"),
-        TimeRemainingColumn(),
-        TextColumn("left"),
-    )
-    with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
-        start = run.rows[-1]
-        task = progress.add_task(
-            "",
-            total=run.config.time.end,
-            completed=int(start["t"]),
-            dt=0.0,
-            speed=start["max_retrograde_speed"],
-        )
+    with shown_line() as show:
 
         def report(row: dict[str, float]) -> None:
-            speed = row["max_retrograde_speed"]
-            progress.update(task, completed=row["t"], dt=row["dt"], speed=speed)
+            if show is None:
+                return
+            done = max(row["t"] - start, 0.0) / (end - start)
+            left = (time.monotonic() - began) * (1.0 / done - 1.0) if done > 0.0 else math.inf
+            show(
+                (
+                    f"t = {number(row['t'], 4)} of at most {number(end)}",
+                    f"speed {number(row['max_retrograde_speed'], 4)}",
+                    f"dt {number(row['dt'], 3)}",
+                    f"at most {_duration(left)} left",
+                )
+            )
 
         yield report
+
+
+def _duration(seconds: float) -> str:
+    """Hours, minutes and seconds."""
+    if not seconds < 1e6:
+        return "some time"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
 
 
 def _draw(run: Run, last: Step) -> None:
@@ -225,12 +230,13 @@ def _draw(run: Run, last: Step) -> None:
     from amoeboid.plotting.trajectory import save_trajectory_picture
 
     times, positions = [row["t"] for row in run.rows], [[row[k] for k in "xyz"] for row in run.rows]
-    try:
-        save_cell_picture(run.folder / "cell.png", last)
-        R0 = last.model.parameters.R0
-        save_trajectory_picture(run.folder / "trajectory.png", times, positions, R0)
-    except (RuntimeError, OSError) as error:
-        print(f"amoeboid run: no picture, rendering failed: {error}", file=sys.stderr)
+    R0 = last.model.parameters.R0
+    drawn("run", run.folder / "cell.png", lambda path: save_cell_picture(path, last))
+    drawn(
+        "run",
+        run.folder / "trajectory.png",
+        lambda path: save_trajectory_picture(path, times, positions, R0),
+    )
 
 
 def _stability(last: Step) -> str:
@@ -239,7 +245,7 @@ def _stability(last: Step) -> str:
         return "the state is not steady: it still changes, or grows slowly from rest"
     if last.growth is None:
         return "the state is steady: it stays; how fast disturbances decay could not be found"
-    size = f"{abs(last.growth):.3g} per unit of time"
+    size = f"{number(abs(last.growth), 3)} per unit of time"
     if last.in_vain:
         return (
             f"the state is steady: a disturbance should grow at {size} and has not shown; "
@@ -253,9 +259,6 @@ def _stability(last: Step) -> str:
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
     meanings = {
         "max_retrograde_speed": "fastest flow along the surface, front to rear",
         "c_front": "filament concentration at the front",
@@ -263,17 +266,9 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         "zeta0": "membrane tension",
         "area_error": "relative change of the membrane area",
     }
-    table = Table(box=None, show_header=False, pad_edge=False)
-    for name, meaning in meanings.items():
-        table.add_row(name, f"{summary[name]:.6g}", meaning)
-    console = Console()
-    console.print(table)
-    console.print(_stability(last), highlight=False)
-    console.print(
-        f"{why} at t = {last.state.t:.4g}, {summary['steps']} steps, {summary['wall_s']:.2f} s",
-        highlight=False,
-    )
-    console.print(
-        f"output in {summary['output']}: cell.png, frames.pvd (ParaView), timeseries.csv",
-        highlight=False,
-    )
+    rows = [(name, number(summary[name]), meaning) for name, meaning in meanings.items()]
+    say(*table(("", "", ""), rows, "<<<", width()))
+    say(_stability(last))
+    t, wall = number(last.state.t, 4), number(summary["wall_s"], 3)
+    say(f"{why} at t = {t}, {summary['steps']} steps, {wall} s")
+    say(f"output in {summary['output']}: cell.png, frames.pvd (ParaView), timeseries.csv")

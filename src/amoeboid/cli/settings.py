@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
+import re
 from dataclasses import fields
 from typing import Any
 
+from amoeboid.cli.output import say, tell
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.parameters import Parameters
 from amoeboid.validation import rule
+
+# nan and inf are numbers that every option refuses with its own range.
+NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf)", re.ASCII)
+WHOLE_NUMBER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
@@ -29,6 +34,22 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def real(text: str) -> float:
+    """An option's number as people write it; `float` takes 1_000 and digits of any script too."""
+    if not NUMBER.fullmatch(text.strip()):
+        raise argparse.ArgumentTypeError(
+            f"must be a number such as 0.03 or 1e-6, with a decimal point, got {text[:40]!r}"
+        )
+    return float(text)
+
+
+def whole(text: str) -> int:
+    """An option's whole number."""
+    if not WHOLE_NUMBER.fullmatch(text.strip()):
+        raise argparse.ArgumentTypeError(f"must be a whole number, got {text[:40]!r}")
+    return int(text)
+
+
 def parameters_of(args: argparse.Namespace) -> Parameters:
     """The parameters that `--set` gives, starting from the paper's parameter table."""
     return with_settings(Config(parameters=Parameters()), args.settings).parameters
@@ -37,16 +58,16 @@ def parameters_of(args: argparse.Namespace) -> Parameters:
 def warn_without_pressure(command: str, lowest: float) -> None:
     """Say on standard error that counts of growing modes mean little at delta_P = 0."""
     if lowest == 0:
-        print(
-            f"amoeboid {command}: at delta_P = 0 short waves are hardly damped and the counts of "
-            "unstable modes depend on the resolution; raise delta_P to trust them",
-            file=sys.stderr,
+        tell(
+            command,
+            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
+            "on the resolution; raise delta_P to trust them",
         )
 
 
 def print_json(result: dict[str, Any]) -> None:
     """Print one JSON object; NaN or infinity in it is an internal error."""
-    print(json.dumps(result, allow_nan=False))
+    say(json.dumps(result, allow_nan=False))
 
 
 def field_table() -> str:

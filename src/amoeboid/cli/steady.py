@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
+from amoeboid.cli.tables import number, percent, table, width
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = (
         "Searched: the branches that the modes l = 1, 2, 3 of the homogeneous sphere send out.\n"
-        "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays."
+        "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays.\n"
+        f"{PLOT_FAILS}"
     )
 
 
@@ -29,30 +32,28 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.axisymmetric.stability import unstable_modes
 
     p = parameters_of(args)
-    if args.plot is not None:
-        from amoeboid.plotting.branches import check_picture_path
-
-        check_picture_path(args.plot)
+    check_picture(args.plot)
     with shown() as watch:
         found = search(p, watch=watch)
     unstable = [unstable_modes(s) for s in found.states]
     rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
-        print(f"amoeboid steady: states may be missing: {problem}", file=sys.stderr)
+        tell("steady", f"states may be missing: {problem}")
     if found.problems:
         advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
-        print(f"amoeboid steady: {advice}", file=sys.stderr)
+        tell("steady", advice)
     warn_without_pressure("steady", p.delta_P)
-    if args.plot is not None:
-        from amoeboid.plotting.branches import draw_states
-
-        stable = [not any(u.values()) for u in unstable]
-        draw_states(list(zip(found.states, stable, strict=True)), args.plot)
     if args.json:
         print_json({"states": rows, "problems": list(found.problems)})
     else:
         _print_table(rows)
-    return 0
+    if args.plot is None:
+        return 0
+    from amoeboid.plotting.branches import draw_states
+
+    stable = [not any(u.values()) for u in unstable]
+    states = list(zip(found.states, stable, strict=True))
+    return 0 if drawn("steady", args.plot, lambda path: draw_states(states, path)) else NO_PICTURE
 
 
 def _row(state: Any, unstable: dict[int, int]) -> dict[str, Any]:
@@ -69,16 +70,13 @@ def _row(state: Any, unstable: dict[int, int]) -> dict[str, Any]:
 
 
 def _print_table(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table()
-    for title in ("v_0", "c front", "c rear", "zeta_0", "deformation", "unstable m = 0 1 2 3"):
-        table.add_column(title, justify="right")
-    for row in rows:
-        table.add_row(
-            *(f"{row[k]:.6f}" for k in ("max_retrograde_speed", "c_front", "c_rear", "zeta0")),
-            f"{row['deformation']:.2%}",
+    titles = ("v_0", "c front", "c rear", "zeta_0", "deformation", "unstable m = 0 1 2 3")
+    cells = [
+        (
+            *(number(row[k]) for k in ("max_retrograde_speed", "c_front", "c_rear", "zeta0")),
+            percent(row["deformation"]),
             "stable" if row["stable"] else " ".join(map(str, row["unstable_modes"].values())),
         )
-    Console().print(table)
+        for row in rows
+    ]
+    say(*table(titles, cells, limit=width()))

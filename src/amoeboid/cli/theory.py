@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.output import say
 from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
     from amoeboid.theory.summary import Summary
     from amoeboid.units import Scales
 
@@ -166,48 +166,28 @@ ROWS = (
 
 
 def _print_table(result: dict[str, Any]) -> None:
-    from rich.console import Console
-
-    console = Console(highlight=False)
     units = result.get("units", {})
-    values = ", ".join(f"{name} = {_text(v)}" for name, v in result["parameters"].items())
-    console.print(f"Theory at {values}", markup=False)
-    console.print(_quantities_table(result, units))
-    console.print(_rates_table(result, units))
-    for note in result["notes"]:
-        console.print(f"Note: {note}.", markup=False)
+    values = ", ".join(f"{name} = {text(v)}" for name, v in result["parameters"].items())
+    say(f"Theory at {values}", "")
+    say(*_quantities_table(result, units), "")
+    say(*_rates_table(result, units), "")
+    say(*(f"Note: {note}." for note in result["notes"]))
 
 
-def _quantities_table(result: dict[str, Any], units: dict[str, str]) -> Table:
-    from rich.table import Table
-
-    table = Table("quantity", "value", *(["unit"] if units else []))
-    for key, title in ROWS:
-        if key in result:
-            table.add_row(title, _text(result[key]), *([units.get(key, "")] if units else []))
-    return table
+def _quantities_table(result: dict[str, Any], units: dict[str, str]) -> list[str]:
+    rows = [(title, text(result[key]), units.get(key, "")) for key, title in ROWS if key in result]
+    return table(("", "", ""), rows, "<<<", width())
 
 
-def _rates_table(result: dict[str, Any], units: dict[str, str]) -> Table:
-    from rich.table import Table
-
+def _rates_table(result: dict[str, Any], units: dict[str, str]) -> list[str]:
     unit = f" [{units['growth_rates']}]" if units else ""
-    table = Table("l", f"growth rate, delta_P -> infinity{unit}", "slow, fast at delta_P")
+    rows = []
     for degree, rate in result["growth_rates"].items():
         pair = result["growth_rates_finite_pressure"].get(degree)
         frequency = result["frequencies_finite_pressure"].get(degree, 0.0)
-        shown = "the same" if pair is None else ", ".join(map(_text, pair))
+        shown = "the same" if pair is None else text(pair)
         if frequency:
-            shown += f" +- {_text(frequency)}i"
-        table.add_row(degree, _text(rate), shown)
-    return table
-
-
-def _text(value: Any) -> str:
-    if value is None or value == []:
-        return "none"
-    if isinstance(value, list):
-        return ", ".join(map(_text, value))
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+            shown += f" +- {text(frequency)}i"
+        rows.append((degree, text(rate), shown))
+    titles = ("l", f"growth rate, delta_P -> infinity{unit}", "slow, fast at delta_P")
+    return table(titles, rows, "<<<", width())

@@ -5,34 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from amoeboid.axisymmetric.branches import Branch, BranchPoint
 from amoeboid.axisymmetric.phase_diagram import REGIONS, PhaseDiagram
 from amoeboid.axisymmetric.steady import SteadyState
-from amoeboid.validation import InvalidInput
+from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-SUFFIXES = (".png", ".pdf", ".svg")
 STABLE, UNSTABLE, MARK, EDGE = "#0b6e99", "#c8553d", "#222222", "#6b4fa0"
 REGION_COLORS = ("#f2f2f2", "#8fc1d9", "#f3d38c", "#e3a79b", "#bbbbbb")
 
 
-def check_picture_path(path: Path) -> None:
-    """Raise InvalidInput if no picture can be written there: wrong suffix or no such folder."""
-    if path.suffix.lower() not in SUFFIXES:
-        raise InvalidInput(f"--plot must end in {', '.join(SUFFIXES)}, got {str(path)!r}")
-    if not path.parent.is_dir():
-        raise InvalidInput(f"--plot must lie in an existing folder, got {str(path)!r}")
-
-
+@own_settings()
 def draw_states(states: Sequence[tuple[SteadyState, bool]], path: Path) -> None:
     """Outlines colored by c, front up, and profiles of c and u; (state, stable) pairs."""
-    figure = _figure(3.0 * len(states) + 0.8, 5.6)
+    figure = new_figure(3.0 * len(states) + 0.8, 5.6)
     grid = figure.add_gridspec(2, len(states), height_ratios=(1.5, 1.0))
     highest = max(s.c_rear for s, _ in states)
     image: Any = None
@@ -58,7 +47,7 @@ def draw_states(states: Sequence[tuple[SteadyState, bool]], path: Path) -> None:
             below.set_ylabel("c, retrograde flow |u|")
             below.legend(frameon=False)
             below.set_ylim(0.0, 1.05 * max(highest, *(s.max_retrograde_speed for s, _ in states)))
-    figure.savefig(path, dpi=150)
+    write_figure(figure, path, dpi=150)
 
 
 def _outline(axes: Any, state: SteadyState, highest: float) -> Any:
@@ -89,9 +78,10 @@ def _profile(axes: Any, state: SteadyState) -> None:
     axes.grid(alpha=0.25)
 
 
+@own_settings()
 def draw_branch(branch: Branch, path: Path) -> None:
     """Maximal retrograde speed along the branch, solid where stable, with its special points."""
-    figure = _figure(6.4, 4.4)
+    figure = new_figure(6.4, 4.4)
     axes = figure.add_subplot()
     for points, stable in _pieces(branch):
         axes.plot(
@@ -109,7 +99,7 @@ def draw_branch(branch: Branch, path: Path) -> None:
     axes.set_ylabel("maximal retrograde speed $v_0$")
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, fontsize=9)
-    figure.savefig(path, dpi=150)
+    write_figure(figure, path, dpi=150)
 
 
 def _pieces(branch: Branch) -> list[tuple[list[BranchPoint], bool]]:
@@ -148,12 +138,13 @@ def _markers(axes: Any, branch: Branch) -> None:
         )
 
 
+@own_settings()
 def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
     """Regions as colors, the threshold and the fold line as curves, their meeting point."""
     from matplotlib.colors import BoundaryNorm, ListedColormap
     from matplotlib.patches import Patch
 
-    figure = _figure(6.8, 4.8)
+    figure = new_figure(6.8, 4.8)
     axes = figure.add_subplot()
     axes.pcolormesh(
         diagram.values,
@@ -182,13 +173,7 @@ def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
     axes.set_xlabel(_label(diagram.name))
     axes.set_ylabel(_label("v_p0"))
     axes.legend(handles=handles, fontsize=8, loc="upper left", framealpha=0.9)
-    figure.savefig(path, dpi=150)
-
-
-def _figure(width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), layout="constrained")
+    write_figure(figure, path, dpi=150)
 
 
 def _label(name: str) -> str:

@@ -1,142 +1,95 @@
-"""A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D)."""
+"""A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D).
+
+It is drawn by VTK in a process of its own: without the libraries of a screen, or with those of a
+screen that is not there, VTK ends the program.
+"""
 
 from __future__ import annotations
 
+import io
+import os
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
+from amoeboid.plotting import cell_process
 from amoeboid.simulation import Step
 from amoeboid.store import write_atomically
 from amoeboid.surface.geometry import volume_centroid
 
-Array = NDArray[np.float64]
+MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
+MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few
+# Where VTK draws: on what it finds, or what the environment names; then without any screen.
+WAYS: tuple[dict[str, str], ...] = ({}, {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"})
+REMEDY = "VTK needs libEGL or libOSMesa to draw without a screen; ParaView opens the frames"
 
-COLOR_MAP = "YlGnBu"
-INK = "#1b1b1b"
-ARROWS = 170
-WINDOW = (1500, 1100)
-LEAST_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
+
+class NoPicture(RuntimeError):
+    """The drawing process failed; the message says how."""
 
 
 def save_cell_picture(path: Path, step: Step) -> None:
-    """Render the cell of `step` to a PNG file: migration to the left, seen from the side."""
-    import pyvista as pv
-    from vtkmodules.vtkCommonCore import vtkLogger
+    """Render the cell of `step` to a PNG file: migration to the left, seen from the side.
 
-    # without a screen VTK falls back to off-screen rendering, and would warn of that every time
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
-    try:
-        plotter.set_background("white")
-        _add_cell(plotter, step)
-        write_atomically(path, lambda p: plotter.screenshot(str(p), return_img=False))
-    finally:
-        plotter.close()
+    Raises NoPicture where VTK cannot draw, and OSError.
+    """
+    archive = io.BytesIO()
+    np.savez(archive, allow_pickle=False, **_scene(step))
+    write_atomically(path, lambda p: _draw(p, archive.getvalue()))
 
 
-def _add_cell(plotter: Any, step: Step) -> None:
-    import pyvista as pv
-
+def _scene(step: Step) -> dict[str, Any]:
+    """What the drawing process needs to know of a step, see there."""
     model, state, flow = step.model, step.state, step.flow
     R0 = model.parameters.R0
-    x = state.r - volume_centroid(state.r, model.mesh.faces)
-    rear, side = _view_axes(step)
-    surface = pv.PolyData.from_regular_faces(x, model.mesh.faces)
-    surface.point_data["c"] = state.c
-    bar: dict[str, Any] = {
-        "title": "filament concentration c",
-        "color": INK,
-        "fmt": "%.2f",
-        "vertical": False,
-        "position_x": 0.2,
-        "position_y": 0.04,
-        "width": 0.6,
-        "title_font_size": 30,
-        "label_font_size": 26,
-    }
-    limits = _color_limits(state.c, model.parameters.c0)
-    plotter.add_mesh(
-        surface,
-        scalars="c",
-        cmap=COLOR_MAP,
-        clim=limits,
-        smooth_shading=True,
-        ambient=0.45,
-        diffuse=0.6,
-        specular=0.05,
-        scalar_bar_args=bar,
-    )
-
-    flow_vectors = retrograde_flow(model, state, flow)
     fastest = max_retrograde_speed(model, state, flow)
-    moving = fastest > LEAST_FLOW * model.rate * R0
-    if moving:
-        chosen = _spread_out(state.r, ARROWS)
-        points = pv.PolyData((x + 0.02 * R0 * flow.normals)[chosen])
-        points["flow"] = flow_vectors[chosen]
-        arrows = points.glyph(
-            orient="flow",
-            scale="flow",
-            factor=0.34 * R0 / fastest,
-            geom=pv.Arrow(shaft_radius=0.04),
+    return {
+        "r": state.r - volume_centroid(state.r, model.mesh.faces),
+        "faces": model.mesh.faces,
+        "c": state.c,
+        "normals": flow.normals,
+        "flow": retrograde_flow(model, state, flow),
+        "polarization": polarization(model, state),
+        "R0": R0,
+        "c0": model.parameters.c0,
+        "fastest": fastest,
+        "moving": fastest > MIN_FLOW * model.rate * R0,
+    }
+
+
+def _draw(path: Path, scene: bytes) -> None:
+    problem = ""
+    for way in WAYS:
+        found = _process(path, scene, os.environ | way)
+        if found is None:
+            return
+        problem = problem or found
+    raise NoPicture(f"{problem}; {REMEDY}")
+
+
+def _process(path: Path, scene: bytes, environment: dict[str, str]) -> str | None:
+    """Draw in a process of its own; None, or what went wrong."""
+    command = [sys.executable, "-P", cell_process.__file__, str(path.absolute())]
+    try:
+        done = subprocess.run(  # noqa: S603  (our own program; the path is one argument)
+            command, input=scene, capture_output=True, timeout=MAX_DRAWING, env=environment
         )
-        plotter.add_mesh(arrows, color=INK)
-        start = (np.min(x @ rear) - 0.12 * R0) * rear
-        migration = pv.Arrow(
-            start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
-        )
-        plotter.add_mesh(migration, color="#c2410c")
-        plotter.add_point_labels(
-            [(start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear))],
-            ["migration"],
-            text_color="#c2410c",
-            font_size=30,
-            shape=None,
-            show_points=False,
-            always_visible=True,
-            justification_horizontal="center",
-        )
-    size = max(R0, float(np.linalg.norm(x, axis=1).max()))
-    _aim(plotter, rear, side, size, 0.3 if moving else 0.0)
+    except subprocess.TimeoutExpired:
+        return f"the drawing process took more than {MAX_DRAWING:g} s"
+    if done.returncode == 0 and path.is_file():
+        return None
+    lines = done.stderr.decode(errors="replace").split("\n")
+    said = [line.strip() for line in lines if line.strip()]
+    return ": ".join([f"the drawing process ended with {_ending(done.returncode)}", *said[-1:]])
 
 
-def _color_limits(c: Array, c0: float) -> tuple[float, float]:
-    """From lowest to highest c; a homogeneous cell gets a range that shows no noise."""
-    low, high = float(c.min()), float(c.max())
-    least = 0.05 * max(c0, abs(high))
-    if high - low < least:
-        middle = 0.5 * (low + high)
-        return middle - 0.5 * least, middle + 0.5 * least
-    return low, high
-
-
-def _view_axes(step: Step) -> tuple[Array, Array]:
-    """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
-    vector = polarization(step.model, step.state)
-    size = np.linalg.norm(vector)
-    rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])
-    helper = np.eye(3)[np.argmin(np.abs(rear))]
-    side = np.cross(rear, helper)
-    return rear, side / np.linalg.norm(side)
-
-
-def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
-    """Indices of about `count` nodes evenly spread: farthest-point sampling."""
-    chosen = [0]
-    distance = np.linalg.norm(r - r[0], axis=1)
-    for _ in range(min(count, len(r)) - 1):
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(r - r[chosen[-1]], axis=1))
-    return np.array(chosen)
-
-
-def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> None:
-    focus = -lead * size * rear
-    above = np.cross(side, rear)
-    eye = focus + 5.6 * size * (side + 0.25 * above + 0.3 * rear)
-    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
-    plotter.camera.view_angle = 26.0
+def _ending(code: int) -> str:
+    try:
+        return signal.Signals(-code).name
+    except ValueError:
+        return f"code {code}"

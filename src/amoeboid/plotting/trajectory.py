@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from amoeboid.store import write_atomically
+from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 Array = NDArray[np.float64]
 
@@ -15,20 +15,17 @@ LEAST_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
 INK, MUTED = "#1b1b1b", "#7a7a7a"
 
 
+@own_settings()
 def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, R0: float) -> bool:
     """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
 
     Axes: the principal axes of the way, the longest first; the unit is R0.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
     if np.linalg.norm(x - x[0], axis=1).max() < LEAST_WAY:
         return False
     way = along_principal_axes(x)
-    figure = Figure(figsize=(9.6, 4.6), layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = new_figure(9.6, 4.6)
     first = figure.add_subplot(1, 2, 1)
     second = figure.add_subplot(1, 2, 2, sharex=first)
     shown = None
@@ -42,7 +39,7 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
         axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis / $R_0$")
     if shown is not None:
         figure.colorbar(shown, ax=[first, second], label="time t (dot: start)")
-    write_atomically(path, lambda p: figure.savefig(p, dpi=110, format="png"))
+    write_figure(figure, path, dpi=110)
     return True
 
 

@@ -1,0 +1,90 @@
+"""Numbers and tables as the commands print them: significant digits, and never a part of a cell."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Sequence
+
+DIGITS = 6  # significant digits of a number
+ROUNDING = 1e-12  # of a share; smaller ones are the rounding of the numbers it is made from
+GAP = "  "
+
+
+def text(value: object, digits: int = DIGITS) -> str:
+    """A value as it is printed: numbers with significant digits, also in lists; none, yes, no."""
+    if value is None or value == []:
+        return "none"
+    if isinstance(value, list | tuple):
+        return ", ".join(text(v, digits) for v in value)
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return number(value, digits) if isinstance(value, float) else str(value)
+
+
+def number(value: float, digits: int = DIGITS) -> str:
+    """A number with `digits` significant digits, whatever its size; zero without a sign."""
+    return f"{value + 0.0:.{digits}g}"
+
+
+def percent(share: float, digits: int = 4) -> str:
+    """A share in percent, with `digits` significant digits; 0 where it is rounding alone."""
+    return f"{number(100 * share if abs(share) > ROUNDING else 0.0, digits)} %"
+
+
+def width() -> int | None:
+    """Columns that a line may take; None, no limit, where no terminal shows it.
+
+    COLUMNS in the environment is a limit everywhere.
+    """
+    given = os.environ.get("COLUMNS", "")
+    if sys.stdout is None or not (sys.stdout.isatty() or (given.isdecimal() and int(given) > 0)):
+        return None
+    return shutil.get_terminal_size().columns
+
+
+def table(
+    titles: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    align: str = "",
+    limit: int | None = None,
+) -> list[str]:
+    """The lines of a table; where it is wider than `limit`, each row as a block of its cells.
+
+    `align` has a `<` for each column that is set to the left; further ones are set to the right.
+    Where the first title is empty, the first cell is the heading of its row.
+    """
+    align = align.ljust(len(titles), ">")
+    lines = _beside(titles, rows, align)
+    if limit is None or max(map(len, lines)) <= limit:
+        return lines
+    return _below(titles, rows)
+
+
+def _beside(titles: Sequence[str], rows: Sequence[Sequence[str]], align: str) -> list[str]:
+    widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
+
+    def line(cells: Sequence[str]) -> str:
+        return GAP.join(
+            f"{cell:{side}{size}}" for cell, side, size in zip(cells, align, widths, strict=True)
+        ).rstrip()
+
+    head = [line(titles), GAP.join("-" * size for size in widths)] if any(titles) else []
+    return [*head, *map(line, rows)]
+
+
+def _below(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    headed = not titles[0]
+    longest = max(map(len, titles))
+    lines: list[str] = []
+    for row in rows:
+        if lines and not headed:
+            lines.append("")
+        for k, (title, cell) in enumerate(zip(titles, row, strict=True)):
+            if headed and k == 0:
+                lines.append(cell)
+            elif cell.strip():
+                name = f"{title:{longest}}{GAP}" if title else ""
+                lines.append(f"{GAP if headed else ''}{name}{cell}")
+    return lines

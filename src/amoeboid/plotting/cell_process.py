@@ -1,0 +1,142 @@
+"""Draws one cell with VTK; a program of its own, see `cell`.
+
+Argument: the PNG file to write. Standard input: an .npz archive, `r` (V, 3) about the centroid,
+`faces` (F, 3), `c` (V,), `normals` (V, 3), `flow` (V, 3) the retrograde flow, `polarization` (3,),
+and the numbers `R0`, `c0`, `fastest` (of the flow) and `moving` (whether that is a motion).
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Scene = dict[str, NDArray[Any]]
+
+COLOR_MAP = "YlGnBu"
+INK = "#1b1b1b"
+ARROWS = 170
+WINDOW = (1500, 1100)
+
+
+def main(path: str) -> None:
+    """Read the scene, write the picture."""
+    import pyvista as pv
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as archive:
+        scene = dict(archive)
+    # without a screen VTK falls back to off-screen rendering, and would warn of that every time
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
+    plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
+    plotter.set_background("white")
+    _add_cell(plotter, scene)
+    plotter.screenshot(path, return_img=False)
+    plotter.close()
+
+
+def _add_cell(plotter: Any, scene: Scene) -> None:
+    import pyvista as pv
+
+    R0, moving = float(scene["R0"]), bool(scene["moving"])
+    x = scene["r"]
+    rear, side = _view_axes(scene["polarization"])
+    surface = pv.PolyData.from_regular_faces(x, scene["faces"])
+    surface.point_data["c"] = scene["c"]
+    bar: dict[str, Any] = {
+        "title": "filament concentration c",
+        "color": INK,
+        "fmt": "%.2f",
+        "vertical": False,
+        "position_x": 0.2,
+        "position_y": 0.04,
+        "width": 0.6,
+        "title_font_size": 30,
+        "label_font_size": 26,
+    }
+    limits = _color_limits(scene["c"], float(scene["c0"]))
+    plotter.add_mesh(
+        surface,
+        scalars="c",
+        cmap=COLOR_MAP,
+        clim=limits,
+        smooth_shading=True,
+        ambient=0.45,
+        diffuse=0.6,
+        specular=0.05,
+        scalar_bar_args=bar,
+    )
+
+    if moving:
+        chosen = _spread_out(x, ARROWS)
+        points = pv.PolyData((x + 0.02 * R0 * scene["normals"])[chosen])
+        points["flow"] = scene["flow"][chosen]
+        arrows = points.glyph(
+            orient="flow",
+            scale="flow",
+            factor=0.34 * R0 / float(scene["fastest"]),
+            geom=pv.Arrow(shaft_radius=0.04),
+        )
+        plotter.add_mesh(arrows, color=INK)
+        start = (np.min(x @ rear) - 0.12 * R0) * rear
+        migration = pv.Arrow(
+            start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
+        )
+        plotter.add_mesh(migration, color="#c2410c")
+        plotter.add_point_labels(
+            [(start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear))],
+            ["migration"],
+            text_color="#c2410c",
+            font_size=30,
+            shape=None,
+            show_points=False,
+            always_visible=True,
+            justification_horizontal="center",
+        )
+    size = max(R0, float(np.linalg.norm(x, axis=1).max()))
+    _aim(plotter, rear, side, size, 0.3 if moving else 0.0)
+
+
+def _color_limits(c: Array, c0: float) -> tuple[float, float]:
+    """From lowest to highest c; a homogeneous cell gets a range that shows no noise."""
+    low, high = float(c.min()), float(c.max())
+    least = 0.05 * max(c0, abs(high))
+    if high - low < least:
+        middle = 0.5 * (low + high)
+        return middle - 0.5 * least, middle + 0.5 * least
+    return low, high
+
+
+def _view_axes(vector: Array) -> tuple[Array, Array]:
+    """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
+    size = np.linalg.norm(vector)
+    rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])
+    helper = np.eye(3)[np.argmin(np.abs(rear))]
+    side = np.cross(rear, helper)
+    return rear, side / np.linalg.norm(side)
+
+
+def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
+    """Indices of about `count` nodes evenly spread: farthest-point sampling."""
+    chosen = [0]
+    distance = np.linalg.norm(r - r[0], axis=1)
+    for _ in range(min(count, len(r)) - 1):
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(r - r[chosen[-1]], axis=1))
+    return np.array(chosen)
+
+
+def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> None:
+    focus = -lead * size * rear
+    above = np.cross(side, rear)
+    eye = focus + 5.6 * size * (side + 0.25 * above + 0.3 * rear)
+    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
+    plotter.camera.view_angle = 26.0
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])

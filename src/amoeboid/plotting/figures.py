@@ -1,0 +1,52 @@
+"""What all figures share: settings of their own, and how they are written."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from amoeboid.store import write_atomically
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# The same figure is the same file: no dates, no random names of parts.
+METADATA = {
+    ".png": {},
+    ".pdf": {"CreationDate": None},
+    ".svg": {"Date": None},
+}
+HASH_SALT = "amoeboid"
+
+
+@contextmanager
+def own_settings() -> Iterator[None]:
+    """matplotlib's own defaults, whatever the user's matplotlibrc says (text.usetex, fonts)."""
+    import matplotlib
+
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams["svg.hashsalt"] = HASH_SALT
+        yield
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure, in inches, that is drawn into memory only: no window, no backend."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def write_figure(figure: Figure, path: Path, dpi: int) -> None:
+    """Write a figure in the format that the ending of `path` names: .png, .pdf, .svg."""
+    suffix = path.suffix.lower()
+
+    def write(temporary: Path) -> None:
+        figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=METADATA.get(suffix))
+
+    write_atomically(path, write)
