@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Config, Initial
+from amoeboid.config import SHORTEST_STEP, Config, Initial
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.parameters import Parameters
 from amoeboid.surface.files import surface_file
@@ -15,7 +15,7 @@ from amoeboid.surface.geometry import area, volume_centroid
 from amoeboid.surface.harmonics import real_harmonic
 from amoeboid.surface.imported import check_surface, merged, placed
 from amoeboid.surface.mesh import Index, connectivity, narrow_numbering
-from amoeboid.surface.model import Model, State
+from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import even_icosphere
 from amoeboid.surface.stepping import StepFailed, flow_of, relaxed
 from amoeboid.theory.linear import base_tension
@@ -24,8 +24,10 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
-# Step, in units of 1/model.rate, for which the first tension of a given shape is found.
-TENSION_STEP = 1e-2
+# Step, in units of 1/model.rate, for which the first flow and tension of a shape are sought, ...
+FIRST_STEP = 1e-2
+# ... and how much shorter the next one is that is tried where none is found.
+SHORTER = 0.1
 
 
 def initial_state(config: Config) -> tuple[Model, State]:
@@ -76,13 +78,29 @@ def _as_given(
     model = Model(p, connectivity(faces))
     state = State(0.0, placed(r, faces, model.A0), c, tension, np.zeros(3))
     try:
-        flow = flow_of(model, state, TENSION_STEP / model.rate)
+        flow, _ = first_flow(model, state)
     except (StepFailed, SingularMatrix) as error:
         raise InvalidInput(
             f"the initial shape must be one that the parameters can move, it is not: {error}; "
             "use a smoother shape or a finer mesh"
         ) from None
     return model, replace(state, zeta0=flow.zeta0)
+
+
+def first_flow(model: Model, state: State) -> tuple[Flow, float]:
+    """The flow in a state without a past, and the length [T] of the step that it is good for.
+
+    A shape far from rest is fast: over a long step no tension keeps its area, and shorter ones are
+    tried, down to the shortest that a run makes. Raises StepFailed, SingularMatrix.
+    """
+    dt = FIRST_STEP / model.rate
+    while True:
+        try:
+            return flow_of(model, state, dt), dt
+        except (StepFailed, SingularMatrix, FloatingPointError):
+            dt *= SHORTER
+            if dt < SHORTEST_STEP / model.rate:
+                raise
 
 
 def _surface(path: str) -> tuple[Array, Index]:
