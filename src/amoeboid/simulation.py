@@ -15,7 +15,7 @@ from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import Geometry, geometry, volume_centroid
-from amoeboid.surface.initial import first_flow, initial_state
+from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.rigid import changes, gradient, rotations
@@ -69,7 +69,8 @@ class Step:
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
     of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
     and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
-    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one.
+    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one; `adapted`, of an
+    initial state: what was done to a shape from a file.
     """
 
     number: int
@@ -82,6 +83,7 @@ class Step:
     rest: Rest | None = None
     ended: str | None = None
     tried: Array | None = None
+    adapted: Adaptation | None = None
 
     @property
     def steady(self) -> bool:
@@ -143,10 +145,12 @@ def start(config: Config) -> Step:
 
 
 def _started(config: Config) -> Step:
-    model, state = initial_state(config)
+    begin = initial_condition(config)
+    model, state = begin.model, begin.state
     flow, dt = first_flow(model, state)
     rate, _ = _rate(model, state, flow)
-    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate)
+    next_dt = dt / max(1.0, rate)
+    return Step(0, model, (state,), flow, next_dt, 0, rate, adapted=begin.adapted)
 
 
 def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:

@@ -77,7 +77,8 @@ def execute(args: argparse.Namespace) -> int:
         print(f"amoeboid run: {status}: {why}", file=sys.stderr)
         print(f"amoeboid run: the last good state is in {run.folder}", file=sys.stderr)
     if args.json:
-        print_json(summary | {"status": status})
+        shape = {} if run.adapted is None else {"initial_shape": run.adapted}
+        print_json(summary | shape | {"status": status})
     else:
         _print_summary(summary, last, why)
     return EXIT_CODES[status]
@@ -105,7 +106,18 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
         )
     config = with_settings(config, args.settings)
     first = start(config)
-    return new_run(new_folder(args.output), config), first
+    run = new_run(new_folder(args.output), config, first.adapted)
+    _tell_adaptation(first, args.json)
+    return run, first
+
+
+def _tell_adaptation(first: Step, as_json: bool) -> None:
+    """What was done to a shape from a file; that it was scaled stands in the JSON object."""
+    if first.adapted is None:
+        return
+    scaling = None if as_json else first.adapted.scaling
+    for text in (*first.adapted.repairs, *([scaling] if scaling else [])):
+        print(f"amoeboid run: initial shape: {text}", file=sys.stderr)
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:

@@ -47,6 +47,7 @@ LEAST_VALENCE, MOST_VALENCE = 4, 9
 MOST_ROUNDS = 10
 # Strongly stretched meshes are not better before all of this is done a second time.
 MAX_SWEEPS = 3
+MAX_EVENING = 30
 # After an attempt in vain the next one waits until an edge is this much longer or shorter.
 EDGE_CHANGE = 1.1
 
@@ -118,6 +119,17 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
     new = replace(new, r=new.r + _swelling(new.r, faces, model.A0))
     new = _refilled(new, faces, state, model.mesh.faces)
     return Model(model.parameters, connectivity(faces), model.edge_length), new
+
+
+def evened(r: Array, faces: Index, edge_length: float) -> tuple[Array, Index]:
+    """Nodes (V, 3) and faces of a surface, remeshed with edges of about this length."""
+    state = State(0.0, r, np.ones(len(r)), 0.0, np.zeros(3))
+    for _ in range(MAX_EVENING):
+        before = faces
+        state, faces = _swept(state, faces, edge_length)
+        if faces is before:
+            break
+    return state.r, faces
 
 
 def _swept(state: State, faces: Index, edge_length: float) -> tuple[State, Index]:
