@@ -69,8 +69,8 @@ class Step:
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
     of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
     and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
-    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one; `adapted`, of an
-    initial state: what was done to a shape from a file.
+    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one;
+    `adapted`, of an initial state: what was done to a shape from a file.
     """
 
     number: int

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
-from amoeboid.surface import remeshing
+from amoeboid.surface import mesh_changes, remeshing
 from amoeboid.surface.geometry import (
     area,
     geometry,
@@ -18,19 +18,9 @@ from amoeboid.surface.geometry import (
 )
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
+from amoeboid.surface.mesh_changes import LONGEST, SHORTEST, collapses, edges, flips, splits
 from amoeboid.surface.model import Model
-from amoeboid.surface.remeshing import (
-    LONGEST,
-    OVERLONG,
-    SHORTEST,
-    carried,
-    collapses,
-    disorder,
-    edges,
-    flips,
-    remeshed,
-    splits,
-)
+from amoeboid.surface.remeshing import OVERLONG, carried, disorder, remeshed
 from amoeboid.surface.stepping import semi_implicit_step, starting_step
 from surface.orders import measured_orders
 
@@ -277,7 +267,7 @@ def test_a_neck_of_three_nodes_is_not_pinched_off():
 
 def test_no_flip_cuts_off_a_sharp_ridge(monkeypatch):
     """A roof of two thin triangles: flipped they would be better, and no longer a roof."""
-    monkeypatch.setattr(remeshing, "LEAST_VALENCE", 3)
+    monkeypatch.setattr(mesh_changes, "MIN_VALENCE", 3)
     for height, flipped in ((1.0, False), (0.05, True)):
         r = np.array([(-2, 0, 0), (2, 0, 0), (0, 1, -height), (0, -1, -height), (0, 0, -9.0)])
         faces = [(0, 1, 2), (1, 0, 3), (0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4)]

@@ -15,14 +15,14 @@ from amoeboid.surface.polygons import Array, Polygons, Unreadable, numbers, word
 
 MAX_HEADER = 2**20  # bytes
 TYPES = {
-    **{name: "i1" for name in ("char", "int8")},
-    **{name: "u1" for name in ("uchar", "uint8")},
-    **{name: "i2" for name in ("short", "int16")},
-    **{name: "u2" for name in ("ushort", "uint16")},
-    **{name: "i4" for name in ("int", "int32")},
-    **{name: "u4" for name in ("uint", "uint32")},
-    **{name: "f4" for name in ("float", "float32")},
-    **{name: "f8" for name in ("double", "float64")},
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
 }
 BYTE_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 LISTS = ("vertex_indices", "vertex_index")
@@ -150,8 +150,9 @@ def _text_columns(element: Element, values: Array, at: int) -> tuple[Columns, in
                 raise _cut_off(element)
     columns = {}
     for p in element.properties:
-        size = np.array(sizes[p.name], dtype=np.int64)
-        columns[p.name] = (values[_ranges(np.array(places[p.name], dtype=np.int64), size)], size)
+        found = np.array(sizes[p.name], dtype=np.int64)
+        begins = np.array(places[p.name], dtype=np.int64)
+        columns[p.name] = (values[_ranges(begins, found)], found)
     return columns, at
 
 
