@@ -36,6 +36,8 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "frame_times": (np.float64, ("frames",)),
     "faces": (np.int64, ("triangles", 3)),
     "edge_length": (np.float64, ()),
+    "tried_known": (np.bool_, ()),
+    "tried": (np.float64, ("nodes", 3)),
     "history_r": (np.float64, ("states", "nodes", 3)),
     "history_c": (np.float64, ("states", "nodes")),
     "history_scalars": (np.float64, ("states", 2)),
@@ -67,6 +69,8 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "frame_times": np.array(checkpoint.frame_times),
         "faces": step.model.mesh.faces,
         "edge_length": np.array(step.model.edge_length),
+        "tried_known": np.array(step.tried is not None),
+        "tried": step.state.r if step.tried is None else step.tried,
         "history_r": np.stack([s.r for s in step.history]),
         "history_c": np.stack([s.c for s in step.history]),
         "history_scalars": np.array([(s.t, s.zeta0) for s in step.history]),
@@ -145,7 +149,8 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
     _require(rate >= 0, "the rate of change must be >= 0", rate)
     rest = _rest(arrays)
     _require(rest is None or rest.since <= history[0].t, "a rest must begin before now", rest)
-    return Step(number, model, history, flow, next_dt, rejected, rate, rest)
+    tried = arrays["tried"] if arrays["tried_known"] else None
+    return Step(number, model, history, flow, next_dt, rejected, rate, rest, tried=tried)
 
 
 def _rest(arrays: dict[str, Array]) -> Rest | None:

@@ -72,6 +72,11 @@ class Initial:
     noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
     seed: int = integer(0, "seed of that noise", ge=0, le=2**63 - 1)
     surface: str | None = file("closed triangulated surface to start from: stl, ply, obj, vtp")
+    repair: bool = flag(
+        False,
+        "mend that surface: join and turn triangles, remesh one out of order to about the nodes of "
+        "mesh.subdivisions",
+    )
     from_frame: str | None = file("frame (.vtp) of another run to start from")
 
     def __post_init__(self) -> None:
@@ -80,6 +85,11 @@ class Initial:
             raise InvalidInput(
                 "a run must have one initial shape, got initial.surface = "
                 f"{self.surface!r} and initial.from_frame = {self.from_frame!r}; leave one out"
+            )
+        if self.repair and self.surface is None:
+            raise InvalidInput(
+                "initial.repair must be false where there is no initial.surface, got true; give a "
+                "surface or leave it out"
             )
 
 

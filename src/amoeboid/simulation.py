@@ -15,14 +15,13 @@ from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.geometry import Geometry, geometry, volume_centroid
-from amoeboid.surface.initial import initial_state
+from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.remeshing import remeshed
+from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.rigid import changes, gradient, rotations
 from amoeboid.surface.stability import SETTLED, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
-    flow_of,
     semi_implicit_step,
     starting_step,
 )
@@ -31,7 +30,6 @@ from amoeboid.validation import InvalidInput
 
 Array = NDArray[np.float64]
 
-FIRST_STEP = 1e-2  # in units of 1 / model.rate
 # Relative change within 1 / model.rate that counts as none, slow turning left out.
 STEADY = 1e-5
 # Growth rate of disturbances, in units of model.rate, above which a state is unstable: the error
@@ -70,7 +68,9 @@ class Step:
     `model` may have another mesh than that of the step before; `history`: the state and those
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
     of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
-    and for an initial state; `ended` says why the run ends here, None if it goes on.
+    and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
+    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one;
+    `adapted`, of an initial state: what was done to a shape from a file.
     """
 
     number: int
@@ -82,6 +82,8 @@ class Step:
     rate: float
     rest: Rest | None = None
     ended: str | None = None
+    tried: Array | None = None
+    adapted: Adaptation | None = None
 
     @property
     def steady(self) -> bool:
@@ -143,11 +145,12 @@ def start(config: Config) -> Step:
 
 
 def _started(config: Config) -> Step:
-    model, state = initial_state(config)
-    dt = FIRST_STEP / model.rate
-    flow = flow_of(model, state, dt)
+    begin = initial_condition(config)
+    model, state = begin.model, begin.state
+    flow, dt = first_flow(model, state)
     rate, _ = _rate(model, state, flow)
-    return Step(0, model, (state,), flow, dt / max(1.0, rate), 0, rate)
+    next_dt = dt / max(1.0, rate)
+    return Step(0, model, (state,), flow, next_dt, 0, rate, adapted=begin.adapted)
 
 
 def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
@@ -194,7 +197,10 @@ def _explicit(step: Step, time: Time) -> Step:
 
 def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
-    model, present = remeshed(step.model, step.state)
+    model, present, tried = step.model, step.state, step.tried
+    if due(model, present, tried):
+        model, present = remeshed(model, present)
+        tried = present.r if model is step.model else None
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
     dt, rejected = min(_next_length(step), time.max_step), step.rejected
@@ -225,7 +231,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         grown = min(time.max_step, float(factor) * length)
         # a last step cut short by time.end says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
-        return _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
+        new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
+        return replace(new, tried=tried)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
 
 

@@ -34,6 +34,7 @@ from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.observables import COLUMNS as OBSERVED_COLUMNS
 from amoeboid.observables import components, observed, retrograde_flow
 from amoeboid.simulation import Step
+from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
 from amoeboid.versions import installed_versions
 
@@ -82,6 +83,7 @@ class Run:
         self.given, self.config = given, resolved(given)
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
+        self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
 
     def begin(self) -> None:
         """Write the configuration and a manifest that says the run is under way."""
@@ -139,6 +141,7 @@ class Run:
             **more,
             "parameters": self.config.parameters.as_dict(),
             **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
+            **({} if self.adapted is None else {"initial_shape": self.adapted}),
             "seed": self.config.initial.seed,
             "versions": installed_versions(),
             "python": platform.python_version(),
@@ -180,9 +183,13 @@ def _numbered_folder() -> Path:
     return Path(name)
 
 
-def new_run(folder: Path, config: Config) -> Run:
-    """Start a run in an empty folder; the files that the configuration names are copied into it."""
+def new_run(folder: Path, config: Config, adapted: Adaptation | None = None) -> Run:
+    """Start a run in an empty folder; the files that the configuration names are copied into it.
+
+    `adapted`: what was done to a shape from a file, for the manifest.
+    """
     run = Run(folder, _with_own_files(folder, config))
+    run.adapted = None if adapted is None else asdict(adapted)
     run.begin()
     return run
 
@@ -234,8 +241,19 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     _refuse_changes(resolved(saved.config), resolved(config))
     run = Run(folder, config)
     run.rows = rows
+    run.adapted = _adapted(folder)
     run.frame_times = [(t, _frame_name(count)) for count, t in enumerate(saved.frame_times)]
     return run, saved.step
+
+
+def _adapted(folder: Path) -> dict[str, Any] | None:
+    """What the manifest of a stored run says was done to its initial shape, if it can be read."""
+    try:
+        manifest = json.loads(text_of(folder / "manifest.json"))
+        adapted = manifest.get("initial_shape")
+    except (OSError, ValueError, AttributeError, RecursionError):
+        return None
+    return adapted if isinstance(adapted, dict) else None
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:

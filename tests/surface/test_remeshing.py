@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
-from amoeboid.surface import remeshing
+from amoeboid.surface import mesh_changes, remeshing
 from amoeboid.surface.geometry import (
     area,
     geometry,
@@ -18,19 +18,9 @@ from amoeboid.surface.geometry import (
 )
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.mesh import connectivity
+from amoeboid.surface.mesh_changes import LONGEST, SHORTEST, collapses, edges, flips, splits
 from amoeboid.surface.model import Model
-from amoeboid.surface.remeshing import (
-    LONGEST,
-    OVERLONG,
-    SHORTEST,
-    carried,
-    collapses,
-    disorder,
-    edges,
-    flips,
-    remeshed,
-    splits,
-)
+from amoeboid.surface.remeshing import OVERLONG, carried, disorder, remeshed
 from amoeboid.surface.stepping import semi_implicit_step, starting_step
 from surface.orders import measured_orders
 
@@ -114,9 +104,9 @@ def test_flips_make_room_for_the_collapses_that_were_refused():
 def test_every_change_keeps_the_filaments_exactly_and_the_rest_untouched():
     model, state = stretched(2.0)
     for find in (splits, collapses, flips):
-        change = find(state.r, model.mesh, model.edge_length)
+        change = find(state.r, model.mesh.faces, model.edge_length)
         assert change is not None
-        new_state = carried(state, model.mesh, change)
+        new_state = carried(state, model.mesh.faces, change)
         new = Model(SOFT, connectivity(change.faces), model.edge_length)
         assert filaments(new, new_state) == pytest.approx(filaments(model, state), rel=1e-13)
         untouched = change.patch[change.first] < 0
@@ -132,9 +122,9 @@ def test_every_change_keeps_the_filaments_exactly_and_the_rest_untouched():
 def test_new_nodes_lie_on_the_curved_surface(subdivisions):
     """On a sphere the middle of an edge is h^2/8 inside, the new node much nearer."""
     model, rest = sphere(SOFT, subdivisions)
-    change = splits(rest.r, model.mesh, 0.5 * model.edge_length)
+    change = splits(rest.r, model.mesh.faces, 0.5 * model.edge_length)
     added = change.first != change.second
-    new = carried(rest, model.mesh, change)
+    new = carried(rest, model.mesh.faces, change)
     radius = np.linalg.norm(new.r[added], axis=1) / np.linalg.norm(rest.r, axis=1).mean() - 1
     sagitta = (model.edge_length**2) / 8
     assert np.abs(radius).max() < 0.25 * sagitta
@@ -236,14 +226,14 @@ def test_everything_is_of_second_order_through_a_change_of_the_mesh():
 def ends_through_a_change(counts):
     model, rest = sphere(replace(SOFT, delta_P=11.0), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))
-    change = splits(begin.r, model.mesh, 0.6 * model.edge_length)
+    change = splits(begin.r, model.mesh.faces, 0.6 * model.edge_length)
     for n in counts:
         dt, history = 0.2 / n, (begin,)
         for _ in range(n):
             state, *_ = semi_implicit_step(model, history, dt)
             history = (state, *history[:2])
         other = Model(model.parameters, connectivity(change.faces), model.edge_length)
-        state = carried(state, model.mesh, change)
+        state = carried(state, model.mesh.faces, change)
         swelling = remeshing._swelling(state.r, change.faces, model.A0)
         state, _, _ = starting_step(other, replace(state, r=state.r + swelling), dt, None, 1e-7)
         history = (state,)
@@ -272,16 +262,16 @@ def test_a_neck_of_three_nodes_is_not_pinched_off():
     mesh = connectivity(np.array(faces))
     assert volume(r, mesh.faces) > 0
     assert edges(r, mesh.faces).length.min() < SHORTEST * 0.3
-    assert collapses(r, mesh, 0.3) is None
+    assert collapses(r, mesh.faces, 0.3) is None
 
 
 def test_no_flip_cuts_off_a_sharp_ridge(monkeypatch):
     """A roof of two thin triangles: flipped they would be better, and no longer a roof."""
-    monkeypatch.setattr(remeshing, "LEAST_VALENCE", 3)
+    monkeypatch.setattr(mesh_changes, "MIN_VALENCE", 3)
     for height, flipped in ((1.0, False), (0.05, True)):
         r = np.array([(-2, 0, 0), (2, 0, 0), (0, 1, -height), (0, -1, -height), (0, 0, -9.0)])
         faces = [(0, 1, 2), (1, 0, 3), (0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4)]
         mesh = connectivity(np.array(faces)[:, ::-1] if volume(r, np.array(faces)) < 0 else faces)
-        change = flips(r, mesh, 1.0)
+        change = flips(r, mesh.faces, 1.0)
         ridge = any({0, 1} <= set(f) for f in (mesh if change is None else change).faces.tolist())
         assert ridge != flipped

@@ -80,7 +80,8 @@ def execute(args: argparse.Namespace) -> int:
         tell("run", f"{status}: {why}")
         tell("run", f"the last good state is in {run.folder}")
     if args.json:
-        print_json(summary | {"status": status})
+        shape = {} if run.adapted is None else {"initial_shape": run.adapted}
+        print_json(summary | shape | {"status": status})
     else:
         _print_summary(summary, last, why)
     _draw(run, last)
@@ -109,7 +110,18 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
         )
     config = with_settings(config, args.settings)
     first = start(config)
-    return new_run(new_folder(args.output), config), first
+    run = new_run(new_folder(args.output), config, first.adapted)
+    _tell_adaptation(first, args.json)
+    return run, first
+
+
+def _tell_adaptation(first: Step, as_json: bool) -> None:
+    """What was done to a shape from a file; that it was scaled stands in the JSON object."""
+    if first.adapted is None:
+        return
+    scaling = None if as_json else first.adapted.scaling
+    for text in (*first.adapted.repairs, *([scaling] if scaling else [])):
+        print(f"amoeboid run: initial shape: {text}", file=sys.stderr)
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Config, Initial
+from amoeboid.config import SHORTEST_STEP, Config, Initial
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.parameters import Parameters
 from amoeboid.surface.files import surface_file
 from amoeboid.surface.geometry import area, volume_centroid
 from amoeboid.surface.harmonics import real_harmonic
-from amoeboid.surface.imported import check_surface, merged, placed
+from amoeboid.surface.imported import Repairable, check_size, check_surface, joined, placed
 from amoeboid.surface.mesh import Index, connectivity, narrow_numbering
-from amoeboid.surface.model import Model, State
+from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.surface.repair import repaired
 from amoeboid.surface.stepping import StepFailed, flow_of, relaxed
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
@@ -24,12 +25,39 @@ from amoeboid.validation import InvalidInput
 Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
-# Step, in units of 1/model.rate, for which the first tension of a given shape is found.
-TENSION_STEP = 1e-2
+# A surface scaled by a factor closer to 1 than single precision tells counts as not scaled.
+UNSCALED = 1e-6
+# Step, in units of 1/model.rate, for which the first flow and tension of a shape are sought, ...
+FIRST_STEP = 1e-2
+# ... and how much shorter the next one is that is tried where none is found.
+SHORTER = 0.1
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """What was done to a given shape before a cell could start as it, in words."""
+
+    repairs: tuple[str, ...]
+    scaling: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Start:
+    """Model and state at t = 0, and what was done to the shape if it was given."""
+
+    model: Model
+    state: State
+    adapted: Adaptation | None = None
 
 
 def initial_state(config: Config) -> tuple[Model, State]:
-    """Model and state at t = 0 that a resolved configuration starts from.
+    """Model and state of `initial_condition`."""
+    begin = initial_condition(config)
+    return begin.model, begin.state
+
+
+def initial_condition(config: Config) -> Start:
+    """What a resolved configuration starts from.
 
     The sphere is brought to rest on its mesh; a shape from a file is not, it is the initial
     condition, scaled to the membrane area and with its volume center at the origin. Raises
@@ -37,12 +65,12 @@ def initial_state(config: Config) -> tuple[Model, State]:
     """
     p, initial = config.parameters, config.initial
     if initial.from_frame is not None:
-        model, start = _from_frame(p, initial.from_frame)
+        begin = _from_frame(p, initial.from_frame)
     elif initial.surface is not None:
-        model, start = _from_surface(p, initial.surface)
+        begin = _from_surface(p, initial, 10 * 4**config.mesh.subdivisions + 2)
     else:
-        model, start = sphere(p, config.mesh.subdivisions)
-    return model, perturbed(model, start, initial)
+        begin = Start(*sphere(p, config.mesh.subdivisions))
+    return replace(begin, state=perturbed(begin.model, begin.state, initial))
 
 
 def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
@@ -59,39 +87,86 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     return model, relaxed(model, state)
 
 
-def _from_surface(p: Parameters, path: str) -> tuple[Model, State]:
-    r, faces = _surface(path)
-    return _as_given(p, r, faces, np.full(len(r), p.c0), float(base_tension(p)))
+def _from_surface(p: Parameters, initial: Initial, n_nodes: int) -> Start:
+    r, faces, changes = _surface(initial, n_nodes)
+    return _as_given(p, r, faces, np.full(len(r), p.c0), float(base_tension(p)), changes)
 
 
-def _from_frame(p: Parameters, path: str) -> tuple[Model, State]:
+def _from_frame(p: Parameters, path: str) -> Start:
     return _as_given(p, *_frame(path))
 
 
 def _as_given(
-    p: Parameters, r: Array, faces: Index, c: Array, tension: float
-) -> tuple[Model, State]:
+    p: Parameters,
+    r: Array,
+    faces: Index,
+    c: Array,
+    tension: float,
+    repairs: tuple[str, ...] = (),
+) -> Start:
     """A given shape with given c (V,), and the tension that goes with it; `tension` is a guess."""
     _check_law(p)
     model = Model(p, connectivity(faces))
     state = State(0.0, placed(r, faces, model.A0), c, tension, np.zeros(3))
     try:
-        flow = flow_of(model, state, TENSION_STEP / model.rate)
+        flow, _ = first_flow(model, state)
     except (StepFailed, SingularMatrix) as error:
         raise InvalidInput(
             f"the initial shape must be one that the parameters can move, it is not: {error}; "
             "use a smoother shape or a finer mesh"
         ) from None
-    return model, replace(state, zeta0=flow.zeta0)
+    adapted = Adaptation(repairs, _scaling(model, r, faces))
+    return Start(model, replace(state, zeta0=flow.zeta0), adapted)
 
 
-def _surface(path: str) -> tuple[Array, Index]:
-    """A user's surface, checked: nodes in the size of the file, narrow numbering."""
+def _scaling(model: Model, r: Array, faces: Index) -> str | None:
+    given = area(r / np.ptp(r), faces) * float(np.ptp(r)) ** 2
+    factor = np.sqrt(model.A0 / given)
+    if abs(factor - 1.0) < UNSCALED:
+        return None
+    return (
+        f"scaled by {factor:.6g}: its area {given:.6g} must be that of the membrane, 4 pi R0^2 = "
+        f"{model.A0:.6g}"
+    )
+
+
+def first_flow(model: Model, state: State) -> tuple[Flow, float]:
+    """The flow in a state without a past, and the length [T] of the step that it is good for.
+
+    A shape far from rest is fast: over a long step no tension keeps its area, and shorter ones are
+    tried, down to the shortest that a run makes. Raises StepFailed, SingularMatrix.
+    """
+    dt = FIRST_STEP / model.rate
+    while True:
+        try:
+            return flow_of(model, state, dt), dt
+        except (StepFailed, SingularMatrix, FloatingPointError):
+            dt *= SHORTER
+            if dt < SHORTEST_STEP / model.rate:
+                raise
+
+
+def _surface(initial: Initial, n_nodes: int) -> tuple[Array, Index, tuple[str, ...]]:
+    """A user's surface, checked: nodes in the size of the file, narrow numbering, what was changed.
+
+    Repaired on request, then with about `n_nodes` if it has to be remeshed.
+    """
+    path = str(initial.surface)
+    name = f"initial.surface = {path!r}"
     file = surface_file(path, "initial.surface")
-    r, faces = merged(file.r, file.faces)
-    check_surface(r, faces, f"initial.surface = {path!r}")
+    try:
+        if initial.repair:
+            r, faces, changes = repaired(file.r, file.faces, n_nodes, name)
+        else:
+            check_size(file.r, name)
+            r, faces, changes = joined(file.r, file.faces)
+        check_surface(r, faces, name)
+    except Repairable as problem:
+        if initial.repair:
+            raise
+        raise InvalidInput(f"{problem}, or let it be done with initial.repair = true") from None
     order, faces = narrow_numbering(faces)
-    return r[order], faces
+    return r[order], faces, changes
 
 
 def _frame(path: str) -> tuple[Array, Index, Array, float]:

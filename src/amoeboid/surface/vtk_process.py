@@ -1,49 +1,40 @@
-"""Reads one surface file with VTK; a program of its own, see `files`.
+"""Reads one .vtp file with VTK; a program of its own, see `files`.
 
-Arguments: the file and its format (stl, ply, obj, vtp). Writes an .npz archive to standard output:
-`points` (V, 3), `faces` (F, 3) with polygons cut into triangles, and what the file holds of
-`c`, `t`, `zeta0`; or only `problem`, a text.
+Arguments: the file and where to write an .npz archive of plain arrays: `points` (V, 3), `faces`
+(F, 3) with polygons and strips cut into triangles, and what the file holds of `c`, `t`, `zeta0`;
+or only `problem`, a text.
 """
 
 from __future__ import annotations
 
-import io
 import sys
 from typing import Any
 
 import numpy as np
 
+MAX_MEMORY = 2**33  # bytes of address space, some of which libraries take and never use
 
-def main(path: str, kind: str) -> None:
+
+def main(path: str, answer: str) -> None:
     """Read the file, write the archive."""
-    surface = _read(path, kind)
-    archive = io.BytesIO()
-    np.savez(archive, allow_pickle=False, **_contents(surface))
-    sys.stdout.buffer.write(archive.getvalue())
+    _limit_memory()
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
-
-def _read(path: str, kind: str) -> Any:
-    reader: Any
-    if kind == "stl":
-        from vtkmodules.vtkIOGeometry import vtkSTLReader
-
-        reader = vtkSTLReader()
-        reader.MergingOff()
-    elif kind == "obj":
-        from vtkmodules.vtkIOGeometry import vtkOBJReader
-
-        reader = vtkOBJReader()
-    elif kind == "ply":
-        from vtkmodules.vtkIOPLY import vtkPLYReader
-
-        reader = vtkPLYReader()
-    else:
-        from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
-
-        reader = vtkXMLPolyDataReader()
+    reader = vtkXMLPolyDataReader()
     reader.SetFileName(path)
     reader.Update()
-    return reader.GetOutput()
+    np.savez(answer, **_contents(reader.GetOutput()))
+
+
+def _limit_memory() -> None:
+    """Let a file that announces more than it has end this process, not all others."""
+    try:
+        import resource
+    except ImportError:  # only on POSIX
+        return
+    most = resource.getrlimit(resource.RLIMIT_AS)[1]
+    limit = MAX_MEMORY if most == resource.RLIM_INFINITY else min(MAX_MEMORY, most)
+    resource.setrlimit(resource.RLIMIT_AS, (limit, most))
 
 
 def _contents(surface: Any) -> dict[str, Any]:
