@@ -23,6 +23,7 @@ from amoeboid.theory.flow import (
 )
 from amoeboid.theory.linear import base_tension, critical_speed, growth_rate
 from amoeboid.theory.phase_boundary import phase_boundary
+from amoeboid.theory.points import infinite_pressure
 
 ERRATA = (Path(__file__).parents[2] / "docs" / "errata.md").read_text(encoding="utf-8")
 RNG = np.random.default_rng(11)
@@ -80,7 +81,8 @@ def test_nu_of_the_exponential_law():
         linear = ((5 + 12 * D) * eta + (3 + 8 * D)) * c
         printed = (2 * D + 1) * (square - linear - (1 + 2 * D) * eta)
         printed /= 5 * c**2 * ((1 + 12 * D) * eta + 6 * D)
-        assert dimensionless_cubic_coefficient(p) == pytest.approx(printed, rel=1e-10)
+        found = dimensionless_cubic_coefficient(infinite_pressure(p))
+        assert found == pytest.approx(printed, rel=1e-10)
 
 
 def test_nu_and_amplitude_equations_of_the_inverse_law():
@@ -89,7 +91,7 @@ def test_nu_and_amplitude_equations_of_the_inverse_law():
         turn = p.beta * R0**2
         printed = 2 * (2 * D + turn) * (D * (9 * es + 5 * eb) - turn * (2 * es + eb))
         printed /= 5 * R0**2 * c0**2 * (6 * D * (2 * es + eb) + turn * es)
-        assert cubic_coefficient(p) == pytest.approx(printed, rel=1e-11)
+        assert cubic_coefficient(infinite_pressure(p)) == pytest.approx(printed, rel=1e-11)
         e, v, G = cubic_equations(p), p.v_p0 * p.c_r, 5 * es + 3 * eb  # `eq_nonlinear_inv`
         alpha_1 = 2 * v * (13 * es + 7 * eb) / (5 * R0 * c0**3 * G)
         beta_1 = -4 * v * (11 * es + 6 * eb) / (5 * R0 * c0**2 * G)
@@ -139,8 +141,9 @@ def test_velocities_of_first_order():
 
 def test_migration_speed_of_the_inverse_law():
     for p in inverse():  # `eq_vMig_inv`
-        nu, v_c = float(cubic_coefficient(p)), float(critical_speed(p))
-        at = p.replace(v_p0=v_c * (0.99 if nu > 0 else 1.01))
+        rigid = infinite_pressure(p)
+        nu, v_c = float(cubic_coefficient(rigid)), float(critical_speed(p))
+        at = rigid.at_speed(v_c * (0.99 if nu > 0 else 1.01))
         root = 2 * p.c_r * (at.v_p0 - v_c) / (-p.R0 * p.c0 * nu)
         printed = v_c * p.c_r / p.c0**2 * np.sqrt(root)
         found = flow_speed_at_threshold(at, steady_amplitude(at).amplitude)
@@ -156,10 +159,10 @@ def test_boundary_of_figure_3C_in_closed_form():
         - (1 + 2 * D) * eta
     )
     (solution,) = sp.solve(printed, D)
-    curve = phase_boundary(Parameters(eta_b=0.7), np.linspace(2.0, 4.0, 9))
+    curve = phase_boundary(infinite_pressure(Parameters(eta_b=0.7)), np.linspace(2.0, 4.0, 9))
     expected = [float(solution.subs({c: x, eta: 1 / 0.7})) for x in curve.c0]
     assert pytest.approx(expected, rel=1e-9) == curve.D
-    flat = phase_boundary(Parameters(law="inverse", eta_b=0.7), [1.0, 3.0])
+    flat = phase_boundary(infinite_pressure(Parameters(law="inverse", eta_b=0.7)), [1.0, 3.0])
     eta = 1 / 0.7
     assert pytest.approx(np.full(2, (2 * eta + 1) / (9 * eta + 5)), rel=1e-9) == flat.D
 

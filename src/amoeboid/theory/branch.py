@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array
 from amoeboid.theory.amplitude import (
+    at_threshold,
     cubic_coefficient,
     cubic_coefficient_at_speed,
     eliminated,
-    normal_form,
 )
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed
 from amoeboid.theory.linear import critical_slope, critical_speed, driving_slope, growth_rate
@@ -146,10 +146,19 @@ def flow_speed_at_threshold(p: Points, amplitude: ArrayLike) -> Array:
 
 
 def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
-    """The harmonics that a polarization of this amplitude carries: a, m_2 a^2, m_3 a^3 [N/L^2]."""
-    form = normal_form(p)
+    """The harmonics that a polarization of this amplitude carries, at leading order.
+
+    a, m_2 a^2, m_3 a^3 [N/L^2], and those of the shape, r_2 a^2, r_3 a^3 [1].
+    """
+    form = at_threshold(p)
     a = np.asarray(amplitude, dtype=float)
-    return Harmonics(a=a, b=form.m_2 * a**2, d=form.m_3 * a**3)
+    return Harmonics(
+        a=a,
+        b=form.m_2 * a**2,
+        d=form.m_3 * a**3,
+        rho_2=form.r_2 * a**2,
+        rho_3=form.r_3 * a**3,
+    )
 
 
 @finite_result

@@ -1,6 +1,7 @@
-"""Flow and shape that a polarized concentration drives, on the sphere to third order.
+"""Flow and shape that a polarized concentration drives, to third order.
 
-theta is the polar angle from the rear (the pole of high concentration, for a > 0).
+theta is the polar angle from the rear (the pole of high concentration, for a > 0). On a sphere
+(rho_2 = rho_3 = 0) these are the formulas of the paper's supplement.
 """
 
 from __future__ import annotations
@@ -11,18 +12,28 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array
-from amoeboid.theory.linear import driving_slope, flow_response
+from amoeboid.theory.linear import (
+    driving_slope,
+    elastic_slope,
+    flow_response,
+    shape_response,
+)
 from amoeboid.theory.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput
 
 
 @dataclass(frozen=True, kw_only=True)
 class Harmonics:
-    """Amplitudes of the first three harmonics of c: a P_1 + b P_2 + d P_3 [N/L^2]."""
+    """The first harmonics of c, a P_1 + b P_2 + d P_3 [N/L^2], and of the shape [1].
+
+    The shape is r = R0 (1 + rho_2 P_2 + rho_3 P_3).
+    """
 
     a: ArrayLike
     b: ArrayLike = 0.0
     d: ArrayLike = 0.0
+    rho_2: ArrayLike = 0.0
+    rho_3: ArrayLike = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,14 +64,35 @@ def driving_speeds(p: Points, c: Harmonics) -> Array:
 
 
 @finite_result
+def flow_modes(p: Points, c: Harmonics) -> Array:
+    """Modes u_l of the flow u = sin(theta) (u_1 P_1' + u_2 P_2' + u_3 P_3') [L/T], shape (3, ...).
+
+    u is positive towards the front, to third order in a, on the resting shape of c. The part on a
+    sphere is G_l times the driving speed of the mode.
+    """
+    f0, f1 = p.v_p_derivatives(p.c0, 1)
+    g1, K = driving_slope(p), elastic_slope(p)
+    G2, G3 = flow_response(p, 2), flow_response(p, 3)
+    a, rho_2, rho_3 = (np.asarray(x, dtype=float) for x in (c.a, c.rho_2, c.rho_3))
+    drive = driving_speeds(p, c)
+    first = drive[0] + (9 * f1 / 5 + K) * a * rho_2
+    second = G2 * drive[1] + (1 - G2) * f0 * rho_2
+    shape = (1 - G3) * f0 * rho_3 + (f1 + (1 - 6 * G3) * g1) / 5 * a * rho_2
+    return np.stack(np.broadcast_arrays(first, second, G3 * drive[2] + shape))
+
+
+@finite_result
 def flow_potential(p: Points, c: Harmonics, theta: ArrayLike) -> Array:
     """psi with v = grad_s psi [L^2/T]; SI `eq_flow_potential_perturbation` (whose R is R0 and which
     drops the P_3 part). Parameters broadcast against theta.
     """
     x = np.cos(theta)
     legendre = (x, (3 * x**2 - 1) / 2, (5 * x**3 - 3 * x) / 2)
-    w = driving_speeds(p, c)
-    return -p.R0 * sum(flow_response(p, l) * w[l - 1] * legendre[l - 1] for l in (1, 2, 3))
+    first, second, third = flow_modes(p, c)
+    # the length of the meridian, 1 + rho_2 P_2, times the flow of the first mode
+    stretch = driving_slope(p) * np.asarray(c.a) * np.asarray(c.rho_2) / 5
+    modes = (first - stretch, second, third + stretch)
+    return -p.R0 * sum(u * P for u, P in zip(modes, legendre, strict=True))
 
 
 @finite_result
@@ -102,18 +134,12 @@ def max_retrograde_speed(p: Points, c: Harmonics) -> Array:
 
 @finite_result
 def deformation(p: Points, c: Harmonics) -> Array:
-    """Steady rho_2 in r = R0 (1 + rho_2 P_2) at finite delta_P [1]; SI `eq_rho_2` generalized.
+    """Steady rho_2 in r = R0 (1 + rho_2 P_2) at delta_P of p [1]; SI `eq_rho_2` generalized.
 
     The printed form is the leading order in 1/delta_P; this one holds at any delta_P, to second
-    order in a. Raises InvalidInput where delta_P and v_p(c0) are both 0.
+    order in a. Uses a and b of c alone. Raises InvalidInput where delta_P and v_p(c0) are both 0.
     """
-    (f0,) = p.v_p_derivatives(p.c0, 0)
-    S = p.eta_s + p.eta_b
-    source = 4 * p.eta_s * S * driving_speeds(p, c)[1]
-    stiffness = p.delta_P * p.R0**2 * (5 * p.eta_s + 3 * p.eta_b) + 4 * p.eta_s * S * f0
-    if np.any(stiffness == 0):
-        raise InvalidInput("delta_P or v_p(c0) must be > 0: nothing holds the shape of the cell")
-    return source / stiffness
+    return shape_response(p, 2) * driving_speeds(p, c)[1]
 
 
 @finite_result
@@ -143,9 +169,7 @@ def sphere_velocities(p: AnyPoints, a: float, theta: ArrayLike) -> SphereVelocit
 
 
 def _flow_polynomial(p: Points, c: Harmonics) -> tuple[Array, Array, Array]:
-    """Coefficients of u/sin(theta) in powers of x = cos(theta): sum of G_l w_l P_l'(x)."""
-    first, second, third = (
-        flow_response(p, l) * w for l, w in enumerate(driving_speeds(p, c), start=1)
-    )
+    """Coefficients of u/sin(theta) in powers of x = cos(theta): sum of u_l P_l'(x)."""
+    first, second, third = flow_modes(p, c)
     q0, q1, q2 = np.broadcast_arrays(first - 1.5 * third, 3 * second, 7.5 * third)
     return q0, q1, q2

@@ -78,6 +78,23 @@ def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
 
 
 @finite_result
+def shape_response(p: Points, l: ArrayLike) -> Array:
+    """kappa_l: a steady shape has rho_l = kappa_l times the speed of mode l [T/L], for l >= 2.
+
+    The speed is that of v_p + K c; 0 for delta_P -> infinity. Raises InvalidInput unless l is a
+    whole number >= 2, and where delta_P and v_p(c0) are both 0.
+    """
+    L = _degree(l, lowest=2)
+    S = p.eta_s + p.eta_b
+    (f0,) = p.v_p_derivatives(p.c0, 0)
+    pull = 8 * p.eta_s * S
+    stiffness = p.delta_P * p.R0**2 * (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s) + pull * f0
+    if np.any(stiffness == 0):
+        raise InvalidInput("delta_P or v_p(c0) must be > 0: nothing holds the shape of the cell")
+    return pull / stiffness
+
+
+@finite_result
 def growth_rate(p: Points, l: ArrayLike) -> Array:
     """Growth rate lambda_l of the homogeneous sphere [1/T]; SI `lambdal`, `lambdal_compress`.
 
@@ -199,6 +216,22 @@ def finite_pressure_rates(p: Points, l: ArrayLike) -> Array:
 
 
 @finite_result
+def slowest_rate(p: Points, l: ArrayLike) -> Array:
+    """Growth rate of mode l of the sphere at delta_P of p, which may be infinite [1/T].
+
+    Of the two of a mode l >= 2 the real part of the one that decays slower or grows faster.
+    """
+    rigid = growth_rate(p, l)
+    finite = np.isfinite(p.delta_P)
+    if not np.any(finite) or np.all(np.asarray(l) == 1):
+        return rigid
+    at = p.at_pressure(np.where(finite, p.delta_P, 0.0))
+    degree = np.asarray(l)
+    free = finite_pressure_rates(at, np.maximum(degree, 2))[..., 0].real
+    return np.where(finite & (degree >= 2), free, rigid)
+
+
+@finite_result
 def critical_pressure(p: Points) -> Array:
     """delta_P*: below it mode 2 goes unstable before mode 1 [M/(L T^2)]; docs/theory.md.
 
@@ -243,7 +276,7 @@ def first_mode(p: AnyPoints, l_max: int = 6) -> FirstMode | None:
 
 
 def _slowest(p: Points, l: int, v_p0: ArrayLike) -> Array:
-    return finite_pressure_rates(p.at_speed(v_p0), l)[..., 0].real
+    return slowest_rate(p.at_speed(v_p0), l)
 
 
 def _rises(p: Points, v: float, l: int) -> bool:

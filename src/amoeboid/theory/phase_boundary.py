@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array
-from amoeboid.theory.coupling import cubic_equations
+from amoeboid.theory.amplitude import cubic_coefficient_at_speed, second_harmonic
 from amoeboid.theory.linear import MOST_THRESHOLDS, driving_slope, thresholds
 from amoeboid.theory.points import AnyPoints, Points, points
 from amoeboid.theory.roots import roots_about
@@ -30,9 +30,10 @@ class PhaseBoundary:
 
 
 def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
-    """All D > 0 at which nu = 0 at the threshold, for each c0; main text figure 3C.
+    """All D > 0 at which nu = 0 at the threshold, for each c0, at delta_P of p.
 
-    For any law, viscosity ratio and alpha; D and v_p0 of p are not used. On the curve lambda_1 = 0
+    Main text figure 3C is `phase_boundary(infinite_pressure(p), c0)`. For any law, viscosity ratio
+    and alpha; D and v_p0 of p are not used. On the curve lambda_1 = 0
     gives D as a function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for
     c0 <= 0.
     """
@@ -59,12 +60,12 @@ def _crossings(p: Points) -> list[tuple[float, float]]:
         return []
 
     def numerator(v: Array) -> Array:
-        # nu lambda_2, which unlike nu has no pole; D < 0 is no model and gives no root.
+        # nu without its pole, where harmonic 2 is neutral; D < 0 is no model and gives no root.
         D = diffusion_at_threshold(p, v)
         allowed = D > 0
         at = points(p, D=np.where(allowed, D, 1.0)).at_speed(v)
-        e = cubic_equations(at)
-        return np.where(allowed, e.A3 * e.lambda_2 - e.A11 * e.B2, np.nan)
+        nu, rate = cubic_coefficient_at_speed(at), second_harmonic(at).rate_at_rest
+        return np.where(allowed, nu * rate, np.nan)
 
     roots = islice(roots_about(numerator, float(start.v_p0[0])), MOST_THRESHOLDS)
     return [(float(diffusion_at_threshold(p, v)), v) for v in roots]

@@ -51,6 +51,10 @@ class Points:
         """The same points with another polymerization speed scale [L/T]."""
         return replace(self, v_p0=np.asarray(v_p0, dtype=float))
 
+    def at_pressure(self, delta_P: ArrayLike) -> Points:
+        """The same points at another pressure [M/(L T^2)]; `numpy.inf` is the rigid sphere."""
+        return replace(self, delta_P=np.asarray(delta_P, dtype=float))
+
     def flat(self) -> list[Points]:
         """The points one by one, in C order."""
         columns = {f.name: np.broadcast_to(getattr(self, f.name), self.shape) for f in _NUMBERS}
@@ -86,6 +90,15 @@ def points(base: AnyPoints, **changes: Any) -> Points:
         shapes = ", ".join(f"{n}: {v.shape}" for n, v in values.items() if v.ndim)
         raise InvalidInput(f"parameter arrays must broadcast, got shapes {shapes}") from None
     return found
+
+
+def infinite_pressure(p: AnyPoints) -> Points:
+    """The same points in the limit delta_P -> infinity, in which the cell stays a sphere.
+
+    The closed forms of the paper's supplement belong to it: its nu is
+    `cubic_coefficient(infinite_pressure(p))`.
+    """
+    return points(p).at_pressure(np.inf)
 
 
 def finite_result(

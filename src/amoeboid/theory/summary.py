@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.parameters import Parameters
-from amoeboid.theory.amplitude import bifurcation, normal_form
+from amoeboid.theory.amplitude import bifurcation, normal_form_at_infinite_pressure
 from amoeboid.theory.branch import Prediction, harmonics, prediction, trusted_distance
 from amoeboid.theory.flow import deformation
 from amoeboid.theory.linear import (
@@ -93,7 +93,7 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
     if found.reason:
         return None, [f"no threshold: {found.reason}"]
     try:
-        form, predicted = normal_form(p), prediction(p)
+        form, predicted = normal_form_at_infinite_pressure(p), prediction(p)
     except InvalidInput as error:
         return None, [f"no amplitude equation: {error}"]
     notes = []
