@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+ERASE = "\r\x1b[K"  # to the beginning of the line of a terminal, and clear what follows
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
@@ -27,8 +28,9 @@ def say(*lines: str) -> None:
 
 def tell(command: str, message: object) -> None:
     """Print a message of a command on standard error, in one line."""
-    with suppress(OSError):
-        write(sys.stderr, _as_they_are([f"{f'amoeboid {command}'.strip()}: {message}"]))
+    line = _as_they_are([f"{f'amoeboid {command}'.strip()}: {message}"])
+    with suppress(OSError):  # over a line of progress, if there is one
+        write(sys.stderr, f"{ERASE}{line}" if is_terminal(sys.stderr) else line)
 
 
 @contextmanager
@@ -67,6 +69,12 @@ def open_streams() -> None:
         if getattr(sys, name) is None:
             stream = open(number, "w", errors="backslashreplace", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
+
+
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether lines that are written to a stream can be erased again."""
+    plain = os.environ.get("TERM") in ("dumb", "unknown")
+    return stream is not None and stream.isatty() and not plain
 
 
 def write(stream: TextIO | None, text: str) -> None:
