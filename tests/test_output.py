@@ -121,6 +121,37 @@ def test_steady_states_have_significant_digits_in_si_units(columns, monkeypatch,
         assert max(map(len, out.splitlines())) <= 40
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("columns", [None, "40"])
+def test_branches_and_phase_diagrams_have_significant_digits_in_si_units(
+    columns, monkeypatch, capsys
+):
+    monkeypatch.delenv("COLUMNS", raising=False)
+    if columns:
+        monkeypatch.setenv("COLUMNS", columns)
+    speed, diffusion = 1e-5 / 10.0, 1e-10 / 10.0  # R0 beta and R0^2 beta
+    words = ["branch", *settings_in("SI"), "--to", repr(4.0 * speed), "--max-step", "0.5"]
+    assert main([*words, "--json"]) == 0
+    branch = json.loads(capsys.readouterr().out)
+    assert main(words) == 0
+    printed = numbers_in(capsys.readouterr().out)
+    assert len(branch["points"]) > 2
+    for point in branch["points"]:
+        for key in ("v_p0", "max_retrograde_speed", "c_front", "c_rear", "zeta0"):
+            assert is_printed(point[key], printed), (key, point[key])
+    assert is_printed(branch["branch_points"][0]["v_p0"], printed)
+    words = ["phase-diagram", *settings_in("SI"), "--columns", "3", "--rows", "3"]
+    words += ["--from", repr(0.04 * diffusion), "--to", repr(0.4 * diffusion)]
+    words += ["--speed-from", repr(3 * speed), "--speed-to", repr(8 * speed)]
+    assert main([*words, "--json"]) == 0
+    diagram = json.loads(capsys.readouterr().out)
+    assert main(words) == 0
+    printed = numbers_in(capsys.readouterr().out)
+    values = [*diagram["v_p0"], diagram["D"][0], diagram["D"][-1]]
+    values += [x for tip in diagram["boundary"] for x in tip.values()]
+    assert [x for x in values if not is_printed(x, printed)] == []
+
+
 finite = st.floats(-1e300, 1e300, allow_subnormal=False)
 
 
