@@ -209,6 +209,12 @@ def test_paths_are_printed_as_they_are(
     assert err == ""
 
 
+def test_control_characters_are_printed_as_escapes(without_pictures, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", *SHORT, "-o", "two\nlines\x1b[2J"]) == 0
+    assert "output in two\\nlines\\x1b[2J: cell.png" in capsys.readouterr().out
+
+
 def test_messages_are_one_line_whatever_is_in_them(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "40")
@@ -258,6 +264,19 @@ def closed(*numbers):
             os.close(n)
 
     return close
+
+
+def test_no_file_gets_the_number_of_a_closed_stream():
+    code = (
+        "import os, sys\n"
+        "from amoeboid.cli.output import open_streams\n"
+        "open_streams()\n"
+        "assert os.open(os.devnull, os.O_RDONLY) > 2\n"
+        "print('lost', file=sys.stderr)\n"
+        "print('lost', flush=True)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], preexec_fn=closed(0, 1, 2), check=False)
+    assert done.returncode == 0
 
 
 def test_closed_streams_stay_silent(tmp_path):
