@@ -1,4 +1,7 @@
 import math
+import pickle
+import subprocess
+import sys
 from dataclasses import FrozenInstanceError, fields
 
 import numpy as np
@@ -13,6 +16,7 @@ from amoeboid.parameters import (
     parameters_from_toml,
     parameters_to_toml,
 )
+from amoeboid.polymerization import Custom, Exponential, Inverse
 from amoeboid.validation import InvalidInput
 
 NUMBERS = tuple(name for name in PARAMETER_NAMES if name != "law")
@@ -82,6 +86,49 @@ def test_toml_reads_back_equal(values):
 def test_broken_toml_is_refused():
     with pytest.raises(InvalidInput, match="valid TOML"):
         parameters_from_toml("D = ")
+
+
+def test_a_law_is_given_by_name_or_expression_and_read_as_a_law():
+    assert Parameters(law="inverse").law == Inverse()
+    assert Parameters(law=Inverse()) == Parameters(law=" inverse ")
+    assert Parameters(law="v_p0/(1+c)").law == Custom("v_p0/(1+c)")
+    assert Parameters().law == Parameters.law == Exponential()
+    p = Parameters(law="inverse")
+    assert p.replace(D=1.0).law is p.law
+    assert pickle.loads(pickle.dumps(p)) == p  # noqa: S301
+    with pytest.raises(FrozenInstanceError):
+        p.law = "exponential"
+    with pytest.raises(InvalidInput, match="law must be a name or an expression in c, got 3"):
+        Parameters(law=3)
+
+
+USER = """
+from amoeboid import Custom, Inverse, Law, Parameters
+
+points = [
+    Parameters(law="inverse"),
+    Parameters(law="v_p0/(1 + c/c_r)", D=0.1),
+    Parameters(law=Inverse()),
+    Parameters(),
+]
+laws: list[Law] = [p.law for p in points]
+names: list[str] = [p.law.name for p in points]
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("more", "problem"), [("", None), ("Parameters(law=3)", '"int"; expected "str | Law"')]
+)
+def test_programs_of_users_pass_strict_type_checks(more, problem, tmp_path):
+    pytest.importorskip("mypy", reason="the type checker is not installed")
+    (tmp_path / "program.py").write_text(USER + more)
+    check = [sys.executable, "-m", "mypy", "--strict", "program.py"]
+    done = subprocess.run(check, cwd=tmp_path, capture_output=True, text=True, check=False)
+    if problem is None:
+        assert done.returncode == 0, done.stdout
+    else:
+        assert problem in done.stdout
 
 
 def test_every_field_has_a_meaning():

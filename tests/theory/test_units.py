@@ -1,5 +1,7 @@
 import pint
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from amoeboid.parameters import PARAMETER_NAMES, Parameters
 from amoeboid.theory.linear import critical_speed, growth_rate
@@ -76,6 +78,38 @@ def test_pint_quantities_are_taken_as_they_are_read():
         ({"D": "9^(9^9) um^2/s"}, "D must be a number with a unit"),
         ({"D": "9^99 um^2/s"}, "D must be a number with a unit"),
         ({"c0": "-1 / um^2"}, "c0 must be a finite number >= 0"),
+        ({"v_p0": "1,7 um/s"}, "got '1,7 um/s': write a decimal point, not a comma"),
+        ({"c0": "1,370 / um^2"}, "write a decimal point, not a comma"),
+        ({"v_p0": "1_7 um/s"}, "'_' has no meaning in it"),
+        ({"v_p0": "1 7 um/s"}, "numbers stand side by side"),
+        ({"v_p0": "1.7.3 um/s"}, "numbers stand side by side"),
+        ({"v_p0": "1.7 um/s 2"}, "numbers stand side by side"),
+        ({"v_p0": "1.7 10^-6 m/s"}, "numbers stand side by side"),
+        ({"v_p0": "um/s"}, "a number must come first"),
+        ({"v_p0": "nan um/s"}, "a number must come first"),
+        ({"v_p0": "infinity um/s"}, "a number must come first"),
+        ({"v_p0": "3 nan um/s"}, "it is not finite"),
+        ({"v_p0": "1e400 um/s"}, "it is not finite"),
+        ({"v_p0": "1.7 um/s + 1 um/s"}, "write one number, not a sum or a range"),
+        ({"v_p0": "1.5-1.9 um/s"}, "write one number, not a sum or a range"),
+        ({"v_p0": "1.7 +/- 0.2 um/s"}, "write one number, not a sum or a range"),
+        ({"v_p0": "1.7(2) um/s"}, "operators or brackets are misplaced"),
+        ({"v_p0": "1.7 um//s"}, "operators or brackets are misplaced"),
+        ({"v_p0": "1.7; um/s"}, "';' has no meaning in it"),
+        ({"v_p0": "1.7 um/s # fast"}, "'#' has no meaning in it"),
+        ({"c0": "1'370 / um^2"}, "has no meaning in it"),
+        ({"v_p0": "\uff11.\uff17 um/s"}, "has no meaning in it"),
+        ({"v_p0": "\u0661 um/s"}, "has no meaning in it"),
+        ({"v_p0": "1.7 * 10^-12 m/s"}, "powers must be whole numbers of one digit"),
+        ({"v_p0": "0x10 um/s"}, "unknown unit"),
+        ({"v_p0": "1.7j um/s"}, "unknown unit"),
+        ({"D": "0.03 um2/s"}, "unknown unit, .* a square is um.2"),
+        ({"R0": "20 degC"}, "R0 must"),
+        ({"R0": "(10 um"}, "R0 must be a number with a unit"),
+        ({"R0": ""}, "it ends early"),
+        ({"R0": pint.Quantity([1.0, 2.0], "um")}, "R0 must be a number with a unit"),
+        ({"R0": pint.Quantity(float("nan"), "um")}, "it is not finite"),
+        ({"R0": pint.Quantity(20.0, "degC")}, "R0 must have the dimension L"),
         ({"radius": "10 um"}, "'radius' is no parameter"),
         ({"beta": "0 / s", "D": "0 um^2/s"}, "beta and D must not both be 0"),
     ],
@@ -83,6 +117,32 @@ def test_pint_quantities_are_taken_as_they_are_read():
 def test_wrong_input_is_refused_and_named(given, message):
     with pytest.raises(InvalidInput, match=message):
         to_simulation(given)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "1.7 um/s", "1.7um/s", "1.7 um / s", "1.7\tum/s", "1.7\u00a0um/s", " 1.7 um s^-1 ",
+        "1.7 \u00b5m/s", "1.7 \u03bcm/s", "1.7 \u00b5m\u00b7s\u207b\u00b9",
+        "1.7e-6 m/s", "1.7E-6 m/s", "+1.7 um/s", "0.85 um/s * 2", "2 * 0.85 um/s", "3.4 um/(2 s)",
+        "(1.7 um)/s", "1.7 * 10^-6 m/s", "1.7 micrometer per second", "102 um/min",
+        "17000 \u212b/s", pint.Quantity(1.7, "um/s"), pint.UnitRegistry().Quantity(1.7e-3, "mm/s"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_the_same_speed_is_read_in_many_ways(text):
+    assert magnitude(text, "um/s") == pytest.approx(1.7, rel=1e-12)
+
+
+@given(
+    st.decimals(min_value="0.001", max_value="1000", places=3),
+    st.sampled_from(",_'\u2019;:\u066b\u00a0 "),
+    st.integers(0, 999),
+)
+def test_a_number_with_something_in_it_is_never_another_number(number, sign, rest):
+    """A comma, or what stands between thousands: pint skips what it does not know."""
+    with pytest.raises(InvalidInput, match="must be a number with a unit"):
+        magnitude(f"{number}{sign}{rest:03d} um", "um")
 
 
 def test_magnitude_refuses_another_dimension():

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.settings import add_settings, print_json, whole
+from amoeboid.cli.settings import WHOLE_NUMBER, add_settings, print_json
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import FILES, Config, resolved, with_settings
 from amoeboid.validation import InvalidInput
@@ -66,7 +66,7 @@ def _count(text: str) -> int:
 
 
 def _integer(text: str, least: int, most: int) -> int:
-    value = whole(text)
+    value = int(text) if WHOLE_NUMBER.fullmatch(text.strip()) else least - 1
     if not least <= value <= most:
         raise argparse.ArgumentTypeError(
             f"must be an integer from {least} to {most}, got {text[:40]!r}"

@@ -7,8 +7,11 @@ import errno
 import io
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib import import_module
+from typing import Any
 
+from amoeboid.cli import output
 from amoeboid.cli.output import tell, warnings_told
 from amoeboid.cli.program import FAILURE, INTERRUPTED
 from amoeboid.validation import InvalidInput
@@ -41,7 +44,11 @@ USER_MISTAKE = 2
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
-    args = _parser().parse_args(argv)
+    try:
+        args = _parser().parse_args(argv)
+    except OSError as error:  # no room for what --help prints
+        tell("", error)
+        return FAILURE
     if isinstance(sys.stdout, io.TextIOWrapper):
         # a terminal that lacks a letter of a folder's name gets its number
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -60,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="amoeboid",
         description="Cells that polarize and migrate by actin polymerization, without myosin.",
     )
@@ -79,6 +86,15 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
+class _Parser(argparse.ArgumentParser):
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if file is sys.stdout:
+            output.write(file, message)
+        else:
+            with suppress(OSError):
+                output.write(sys.stderr, message)
+
+
 class _Version(argparse.Action):
     def __init__(self, option_strings: list[str], dest: str) -> None:
         super().__init__(option_strings, dest, nargs=0, help="print the version and exit")
@@ -86,5 +102,5 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from importlib.metadata import version
 
-        print(f"amoeboid {version('amoeboid')}")
+        output.say(f"amoeboid {version('amoeboid')}")
         parser.exit()

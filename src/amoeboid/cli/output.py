@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import Any, TextIO
 
+ERASE = "\r\x1b[K"  # to the beginning of the line of a terminal, and clear what follows
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
@@ -22,13 +23,14 @@ def say(*lines: str) -> None:
 
     Raises OSError.
     """
-    _print(sys.stdout, lines)
+    write(sys.stdout, _as_they_are(lines))
 
 
 def tell(command: str, message: object) -> None:
     """Print a message of a command on standard error, in one line."""
-    with suppress(OSError):
-        _print(sys.stderr, [f"amoeboid {command}: {message}"])
+    line = _as_they_are([f"{f'amoeboid {command}'.strip()}: {message}"])
+    with suppress(OSError):  # over a line of progress, if there is one
+        write(sys.stderr, f"{ERASE}{line}" if is_terminal(sys.stderr) else line)
 
 
 @contextmanager
@@ -47,7 +49,7 @@ def flushed() -> bool:
     """Write what is still in the buffers; whether that worked, or no reader is left."""
     try:
         for stream in (sys.stderr, sys.stdout):
-            _print(stream, [])
+            write(stream, "")
     except OSError:
         return False
     return True
@@ -69,12 +71,21 @@ def open_streams() -> None:
             setattr(sys, name, stream)
 
 
-def _print(stream: TextIO | None, lines: Iterable[str]) -> None:
+def is_terminal(stream: TextIO | None) -> bool:
+    """Whether lines that are written to a stream can be erased again."""
+    plain = os.environ.get("TERM") in ("dumb", "unknown")
+    return stream is not None and stream.isatty() and not plain
+
+
+def write(stream: TextIO | None, text: str) -> None:
+    """Write text to a standard stream at once. What no reader is left for, is dropped.
+
+    Raises OSError, once, if there is no room for it.
+    """
     if stream is None:
         return
     try:
-        for line in lines:
-            stream.write(CONTROL_CHARACTERS.sub(_escaped, line) + "\n")
+        stream.write(text)
         stream.flush()
     except OSError as error:
         # what is left in its buffer would be tried again when Python ends
@@ -82,6 +93,10 @@ def _print(stream: TextIO | None, lines: Iterable[str]) -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
         if not isinstance(error, BrokenPipeError):
             raise
+
+
+def _as_they_are(lines: Iterable[str]) -> str:
+    return "".join(f"{CONTROL_CHARACTERS.sub(_escaped, line)}\n" for line in lines)
 
 
 def _escaped(control: re.Match[str]) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 import sys
 import time
@@ -10,6 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
+from amoeboid.cli.output import ERASE, is_terminal, write
 from amoeboid.cli.tables import number
 
 if TYPE_CHECKING:
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 Show = Callable[[Sequence[str]], None]
 
 BETWEEN = 0.1  # seconds between two lines, so that writing them takes no time
-ERASE = "\r\x1b[K"  # to the beginning of the line, and clear what follows
 
 
 @contextmanager
@@ -28,7 +27,7 @@ def shown_line() -> Iterator[Show | None]:
     Parts that do not fit are left out from the last; none is cut. The line is erased at the end.
     """
     stream = sys.stderr
-    if stream is None or not stream.isatty() or os.environ.get("TERM") in ("dumb", "unknown"):
+    if not is_terminal(stream):
         yield None
         return
     latest = -BETWEEN
@@ -39,15 +38,13 @@ def shown_line() -> Iterator[Show | None]:
             return
         latest = time.monotonic()
         with suppress(OSError):
-            stream.write(ERASE + fitting(parts, shutil.get_terminal_size().columns - 1))
-            stream.flush()
+            write(stream, ERASE + fitting(parts, shutil.get_terminal_size().columns - 1))
 
     try:
         yield show
     finally:
         with suppress(OSError):
-            stream.write(ERASE)
-            stream.flush()
+            write(stream, ERASE)
 
 
 def fitting(parts: Sequence[str], limit: int) -> str:

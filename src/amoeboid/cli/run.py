@@ -54,7 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         f"fields, their defaults and meanings:\n{field_table()}\n\n"
         "exit codes: 0 finished, 1 diverged (the last good frame is kept), 2 wrong input,\n"
-        "130 interrupted (go on with --resume)"
+        "130 interrupted (go on with --resume); pictures are drawn last, and one that fails is a\n"
+        "message only"
     )
 
 

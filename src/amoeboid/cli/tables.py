@@ -28,7 +28,7 @@ def number(value: float, digits: int = DIGITS) -> str:
     return f"{value + 0.0:.{digits}g}"
 
 
-def percent(share: float, digits: int = 4) -> str:
+def percent(share: float, digits: int = DIGITS) -> str:
     """A share in percent, with `digits` significant digits; 0 where it is rounding alone."""
     return f"{number(100 * share if abs(share) > ROUNDING else 0.0, digits)} %"
 

@@ -65,7 +65,8 @@ def _scene(step: Step) -> dict[str, Any]:
 def _draw(path: Path, scene: bytes) -> None:
     problem = ""
     for way in WAYS:
-        found = _process(path, scene, os.environ | way)
+        # PyVista imports matplotlib, which looks for the backend that a notebook names
+        found = _process(path, scene, os.environ | {"MPLBACKEND": "agg"} | way)
         if found is None:
             return
         problem = problem or found

@@ -50,7 +50,7 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
     bar: dict[str, Any] = {
         "title": "filament concentration c",
         "color": INK,
-        "fmt": "%.2f",
+        "fmt": "%.4g",
         "vertical": False,
         "position_x": 0.2,
         "position_y": 0.04,

@@ -1,0 +1,166 @@
+"""Pictures are drawn after the results, and do not depend on what else a machine is set up for."""
+
+import json
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import matplotlib
+import pytest
+
+from amoeboid.axisymmetric.branches import search
+from amoeboid.cli.main import main
+from amoeboid.config import Config, Mesh
+from amoeboid.parameters import Parameters
+from amoeboid.plotting import cell, cell_process
+from amoeboid.plotting.branches import draw_states
+from amoeboid.plotting.trajectory import save_trajectory_picture
+from amoeboid.simulation import start
+
+PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+MODULE, FUNCTION = PROJECT["scripts"]["amoeboid"].split(":")
+COMMAND = [
+    sys.executable,
+    "-c",
+    f"import sys; from {MODULE} import {FUNCTION}; sys.exit({FUNCTION}())",
+]
+SHORT = [
+    "--set",
+    "mesh.subdivisions=1",
+    "--set",
+    "initial.perturbation=1",
+    "--set",
+    "time.end=0.01",
+]
+DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
+
+
+def drawn_by(code, tmp_path, monkeypatch):
+    program = tmp_path / "program.py"
+    program.write_text(code)
+    monkeypatch.setattr(cell_process, "__file__", str(program))
+
+
+@pytest.mark.parametrize(
+    ("code", "says"),
+    [
+        (DYING, "SIGSEGV"),
+        ("raise SystemExit('no screen [here]')", "code 1: no screen [here]"),
+        ("import time; time.sleep(60)", "took more than 0.5 s"),
+        ("", "code 0"),
+    ],
+)
+def test_a_cell_that_cannot_be_drawn_costs_the_picture_alone(
+    code, says, tmp_path, monkeypatch, capsys
+):
+    drawn_by(code, tmp_path, monkeypatch)
+    if "sleep" in code:
+        monkeypatch.setattr(cell, "MAX_DRAWING", 0.5)
+    folder = tmp_path / "run"
+    assert main(["run", *SHORT, "--json", "-o", str(folder)]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out)["status"] == "finished"
+    assert err.startswith(f"amoeboid run: the picture {str(folder / 'cell.png')!r} could not be")
+    assert says in err
+    assert "libEGL" in err
+    assert err.count("\n") == 1
+    assert not [p for p in folder.rglob("*") if "png" in p.name]
+
+
+@pytest.mark.slow
+def test_a_run_outlives_a_screen_that_is_not_there(tmp_path):
+    environment = os.environ | {
+        "VTK_DEFAULT_OPENGL_WINDOW": "vtkXOpenGLRenderWindow",
+        "DISPLAY": ":77",
+    }
+    run = [*COMMAND, "run", *SHORT, "--json", "-o", "run"]
+    done = subprocess.run(
+        run, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["status"] == "finished"
+    # drawn without a screen, or said
+    assert (tmp_path / "run/cell.png").is_file() != ("could not be drawn" in done.stderr)
+
+
+def test_a_cell_is_drawn(tmp_path):
+    path = tmp_path / "cell.png"
+    cell.save_cell_picture(path, start(Config(mesh=Mesh(subdivisions=1))))
+    assert path.stat().st_size > 20000
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def user_settings():
+    return matplotlib.rc_context(
+        {"text.usetex": True, "font.size": 30, "savefig.dpi": 20, "lines.linewidth": 9}
+    )
+
+
+@pytest.mark.parametrize(
+    "suffix", [".svg", *(pytest.param(x, marks=pytest.mark.slow) for x in (".png", ".pdf"))]
+)
+def test_figures_do_not_depend_on_the_settings_of_the_user(suffix, tmp_path):
+    states = [(s, True) for s in search(Parameters(), (1,)).states]
+    way = [[0.1 * k, 0.2 * k, 0.001 * k * k] for k in range(40)]
+    files = [tmp_path / f"{k}{suffix}" for k in range(4)]
+    draw_states(states, files[0])
+    save_trajectory_picture(files[1], range(40), way, 1.0)
+    with user_settings():
+        draw_states(states, files[2])
+        save_trajectory_picture(files[3], range(40), way, 1.0)
+        assert matplotlib.rcParams["text.usetex"]
+    assert files[0].read_bytes() == files[2].read_bytes()
+    assert files[1].read_bytes() == files[3].read_bytes()
+
+
+@pytest.mark.parametrize(
+    "backend",
+    [
+        "module://matplotlib_inline.backend_inline",
+        pytest.param("nowhere", marks=pytest.mark.slow),
+    ],
+)
+def test_the_environment_of_a_notebook_does_not_matter(backend, tmp_path):
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nbackend: nowhere\nnonsense: 3\n")
+    done = subprocess.run(
+        [*COMMAND, "steady", "--json", "--plot", "a.png"],
+        cwd=tmp_path, env=os.environ | {"MPLBACKEND": backend},
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(json.loads(done.stdout)["states"]) == 2
+    assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+@pytest.mark.parametrize("arguments", [[], ["--json"]])
+def test_results_are_printed_where_a_picture_fails(arguments, tmp_path, monkeypatch, capsys):
+    def fail(*_):
+        raise ValueError("no font [/bold]\nfor this")
+
+    monkeypatch.setattr("amoeboid.plotting.branches.draw_states", fail)
+    path = tmp_path / "a.png"
+    path.write_bytes(b"an older picture")
+    assert main(["steady", *arguments, "--plot", str(path)]) == 1
+    out, err = capsys.readouterr()
+    assert "0.3417" in out
+    message = f"the picture {str(path)!r} could not be drawn: no font [/bold] for this"
+    assert err == f"amoeboid steady: {message}\n"
+    assert path.read_bytes() == b"an older picture"
+
+
+def test_places_that_take_no_picture_are_refused_at_once(tmp_path, monkeypatch, capsys):
+    (tmp_path / "folder.png").mkdir()
+    for name, says in [
+        ("folder.png", "is a folder"),
+        ("", "--plot must end in .png, .pdf, .svg"),
+        ("a.jpg", "--plot must end in .png, .pdf, .svg"),
+        ("no/a.png", "existing folder"),
+    ]:
+        path = tmp_path / name if name else tmp_path
+        assert main(["steady", "--plot", str(path)]) == 2
+        assert says in capsys.readouterr().err
+    monkeypatch.setattr(os, "access", lambda *_: False)
+    assert main(["branch", "--to", "8", "--plot", str(tmp_path / "a.png")]) == 2
+    assert "can be written to" in capsys.readouterr().err
