@@ -13,7 +13,6 @@ from amoeboid.observables import observed, retrograde_flow
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
 from amoeboid.store import (
-    COLUMNS,
     new_folder,
     new_run,
     resumed_run,
@@ -34,15 +33,12 @@ CONFIG = Config(
 def run_into(folder, config=CONFIG, stop_after=None):
     step = start(config)
     run = new_run(new_folder(folder), config)
-    run.append(step)
-    run.save(step)
+    run.take(step)
     for step in evolve(step, config.time):
-        run.append(step)
-        if run.frame_due(step) or step.ended:
-            run.save(step)
+        run.take(step)
         if step.number == stop_after:
-            run.save(step)
             break
+    run.save(step)
     return step.model, run, step
 
 
@@ -70,11 +66,12 @@ def test_frames_open_in_pyvista_with_all_fields(tmp_path):
 
 
 def test_time_series_has_every_step_and_observable(tmp_path):
-    model, _, last = run_into(tmp_path / "run")
+    model, run, last = run_into(tmp_path / "run")
+    columns = tuple(run.units)
     table = np.genfromtxt(tmp_path / "run" / "timeseries.csv", delimiter=",", names=True)
-    assert table.dtype.names == COLUMNS
+    assert table.dtype.names == columns
     assert np.array_equal(table["step"], np.arange(last.number + 1))
-    assert np.all(np.isfinite([table[name] for name in COLUMNS]))
+    assert np.all(np.isfinite([table[name] for name in columns]))
     for name, value in observed(model, last.state, last.flow).items():
         assert table[name][-1] == value
 

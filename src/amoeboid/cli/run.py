@@ -7,7 +7,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -68,7 +68,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
-    with _failure_recorded(run):
+    with run.failure_recorded():
         last, status, why = _simulate(run, first)
         summary = _summary(run, last, time.perf_counter() - began)
         run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
@@ -109,9 +109,18 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.store import resumed_run, stored_config
+    from amoeboid.store import has_checkpoint, restarted_run, resumed_run, stored_config
 
     config = with_settings(stored_config(args.resume), args.settings)
+    if not has_checkpoint(args.resume):
+        run, first = restarted_run(args.resume, config)
+        print(
+            f"amoeboid run: the run in {args.resume} had ended before its first checkpoint: it "
+            "begins anew",
+            file=sys.stderr,
+        )
+        run.begin()
+        return run, first
     run, first = resumed_run(args.resume, config)
     if first.steady and config.time.stop_when_steady:
         raise InvalidInput(
@@ -134,36 +143,18 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
 
     last, status, why = first, "finished", ""
     if not run.frame_times:
-        run.append(first)
-        run.save(first)
+        run.take(first)
     try:
         with _interruptible() as interruption, _progress(run) as report:
             for step in evolve(first, run.config.time, [interruption]):
                 last, why = step, step.ended or ""
-                if run.row_due(step):
-                    report(run.append(step))
-                if run.frame_due(step):
-                    run.save(step)
+                report(run.take(step))
     except Diverged as error:
         status, why = "diverged", str(error)
     if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
-    if run.frame_times[-1][0] < last.state.t:
-        if run.rows[-1]["step"] < last.number:
-            run.append(last)
-        run.save(last)
+    run.save(last)
     return last, status, why
-
-
-@contextmanager
-def _failure_recorded(run: Run) -> Iterator[None]:
-    """Note in the folder that its disk was full, or the like, if that is still possible."""
-    try:
-        yield
-    except OSError as error:
-        with suppress(OSError):
-            run.write_manifest("failed", ended=str(error), t=run.rows[-1]["t"])
-        raise
 
 
 @contextmanager
@@ -197,9 +188,9 @@ def _progress(run: Run) -> Iterator[Any]:
 
     console = Console(stderr=True)
     columns = (
-        TextColumn("t = {task.completed:.2f} of at most {task.total:g}"),
+        TextColumn("t = {task.completed:.4g} of at most {task.total:g}"),
         BarColumn(bar_width=24),
-        TextColumn("dt {task.fields[dt]:.3g}  speed {task.fields[speed]:.4f}  at most"),
+        TextColumn("dt {task.fields[dt]:.3g}  speed {task.fields[speed]:.4g}  at most"),
         TimeRemainingColumn(),
         TextColumn("left"),
     )
@@ -208,14 +199,16 @@ def _progress(run: Run) -> Iterator[Any]:
         task = progress.add_task(
             "",
             total=run.config.time.end,
-            completed=int(start["t"]),
             dt=0.0,
             speed=start["max_retrograde_speed"],
         )
 
-        def report(row: dict[str, float]) -> None:
-            speed = row["max_retrograde_speed"]
-            progress.update(task, completed=row["t"], dt=row["dt"], speed=speed)
+        progress.update(task, completed=start["t"])
+
+        def report(row: dict[str, float] | None) -> None:
+            if row is not None:
+                speed = row["max_retrograde_speed"]
+                progress.update(task, completed=row["t"], dt=row["dt"], speed=speed)
 
         yield report
 
@@ -223,8 +216,10 @@ def _progress(run: Run) -> Iterator[Any]:
 def _draw(run: Run, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
+    from amoeboid.store import POSITION
 
-    times, positions = [row["t"] for row in run.rows], [[row[k] for k in "xyz"] for row in run.rows]
+    times = [row["t"] for row in run.rows]
+    positions = [[row[k] for k in POSITION] for row in run.rows]
     try:
         save_cell_picture(run.folder / "cell.png", last)
         R0 = last.model.parameters.R0
