@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import math
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -90,8 +91,36 @@ def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
         "wall_s": round(wall_s, 3),
         "steady": last.steady,
         "growth_rate": last.growth,
+        "rate_of_change": last.rate * last.model.rate,
+        "speed_growth": _speed_growth(run.rows, 1.0 / last.model.rate),
         "output": str(run.folder),
     }
+
+
+def _speed_growth(rows: Sequence[dict[str, float]], unit: float) -> float | None:
+    """Relative growth of max_retrograde_speed at the end [1/T], None for a cell without flow.
+
+    Over the last half of a unit of time: the last step may be too short to tell.
+    """
+    last = rows[-1]
+    first = next((row for row in reversed(rows) if row["t"] <= last["t"] - 0.5 * unit), rows[0])
+    a, b = (row["max_retrograde_speed"] for row in (first, last))
+    if min(a, b) <= 0.0 or not last["t"] > first["t"]:
+        return None
+    return math.log(b / a) / (last["t"] - first["t"])
+
+
+def _change(summary: dict[str, Any], why: str, t: float) -> str:
+    """How fast a cell that is not steady changes, and how to follow it further."""
+    text = f"shape or concentration changes by {100 * summary['rate_of_change']:.3g} %"
+    growth = summary["speed_growth"]
+    if growth is not None:
+        word = "grows" if growth > 0 else "falls"
+        text += f", max_retrograde_speed {word} by {100 * abs(growth):.3g} %"
+    text += " per unit of time"
+    if why == "end of time":
+        text += f"; to go on: amoeboid run --resume {summary['output']} --set time.end={2 * t:g}"
+    return text
 
 
 def _started(args: argparse.Namespace) -> tuple[Run, Step]:
@@ -251,8 +280,10 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from amoeboid.observables import UNITS
+
     meanings = {
-        "max_retrograde_speed": "fastest flow along the surface, front to rear",
+        "max_retrograde_speed": "fastest flow along the surface",
         "c_front": "filament concentration at the front",
         "c_rear": "filament concentration at the rear",
         "zeta0": "membrane tension",
@@ -260,10 +291,13 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     }
     table = Table(box=None, show_header=False, pad_edge=False)
     for name, meaning in meanings.items():
-        table.add_row(name, f"{summary[name]:.6g}", meaning)
+        unit = UNITS[name] if UNITS[name] != "1" else ""
+        table.add_row(name, f"{summary[name]:.6g}", unit, meaning)
     console = Console()
     console.print(table)
     console.print(_stability(last), highlight=False)
+    if last.rest is None:
+        console.print(_change(summary, why, last.state.t), highlight=False)
     console.print(
         f"{why} at t = {last.state.t:.4g}, {summary['steps']} steps, {summary['wall_s']:.2f} s",
         highlight=False,
