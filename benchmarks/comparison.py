@@ -234,8 +234,7 @@ the paper's parameter table in units of eta_s beta/R0, but not their D and c0.
 """
 
 DEFORMATION = """\
-The same definition on both sides. A deformation of a few hundredths of a percent is less than what
-a mesh adds, which is of second order in its edges."""
+The same definition on both sides. The difference is of second order in the edges of the mesh."""
 
 REMARKS = """
 ## What is not compared, and why
