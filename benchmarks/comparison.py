@@ -66,10 +66,12 @@ class NotComparable(ArithmeticError):
 
 @dataclass(frozen=True)
 class Comparison:
-    """One point: the axisymmetric state, and by number of nodes the errors of the 3D shell."""
+    """One point: the axisymmetric state, and by number of nodes the errors and the deformation of
+    the 3D shell."""
 
     state: SteadyState
     errors: dict[int, dict[str, float]]
+    deformations: dict[int, float]
 
 
 def stable_polarized_state(p: Parameters) -> SteadyState:
@@ -116,7 +118,11 @@ def compared(p: Parameters, subdivisions: Sequence[int]) -> Comparison:
     """Both solvers at one point. Raises NotComparable."""
     state = stable_polarized_state(p)
     runs = [shell(p, n) for n in subdivisions]
-    return Comparison(state, {nodes: errors(found, state) for nodes, found in runs})
+    return Comparison(
+        state,
+        {nodes: errors(found, state) for nodes, found in runs},
+        {nodes: found["deformation"] for nodes, found in runs},
+    )
 
 
 def worst(found: dict[str, float]) -> tuple[str, float]:
@@ -140,6 +146,7 @@ def main() -> int:
             failed = True
             continue
         comparisons.append(comparison)
+        print(number, f"deformation {comparison.state.deformation:.3%}", comparison.deformations)
         for nodes, found in comparison.errors.items():
             print(number, nodes, {k: f"{e:+.3%}" for k, e in found.items()}, flush=True)
     if failed:
@@ -162,6 +169,7 @@ def page(comparisons: Sequence[Comparison]) -> str:
         lines.append("| " + " | ".join(cells) + " |")
     for nodes in comparisons[0].errors:
         lines += ["", *_error_table(comparisons, nodes)]
+    lines += ["", *_deformation_table(comparisons)]
     return "\n".join(lines) + "\n" + REMARKS
 
 
@@ -189,6 +197,17 @@ def _error_table(comparisons: Sequence[Comparison], nodes: int) -> list[str]:
     return lines
 
 
+def _deformation_table(comparisons: Sequence[Comparison]) -> list[str]:
+    counts = list(comparisons[0].deformations)
+    titles = ["", "axisymmetric", *(f"{nodes} nodes" for nodes in counts)]
+    lines = ["## Deformation", "", DEFORMATION, "", "| " + " | ".join(titles) + " |"]
+    lines += ["|---" * len(titles) + "|"]
+    for k, comparison in enumerate(comparisons, start=1):
+        found = [comparison.state.deformation, *(comparison.deformations[n] for n in counts)]
+        lines.append(f"| {k} | " + " | ".join(f"{100 * x:.3f} %" for x in found) + " |")
+    return lines
+
+
 def _percent(error: float) -> str:
     return f"{100 * error:+.2g} %".replace("-", "−")
 
@@ -207,9 +226,15 @@ Twenty points: the two laws of the paper and one of our own, with and without el
 turnover, pressures from 3 to 300, several viscosities and radii, from 2 % above the threshold to
 far above it, and below it on the upper branch. At every point the axisymmetric state is stable
 against all perturbations with m = 0, 1, 2, 3: the script checks it and stops otherwise. c_r = 1
-everywhere. Deformation: largest minus smallest distance from the volume center over their sum. v_0
-is max_retrograde_speed.
+everywhere. All values are in the paper's simulation units: lengths in R0 where R0 = 1, times in
+1/beta, concentrations in c_r, viscosities in eta_s. Deformation: largest deviation of the distance
+from the center of volume from R0, over R0. v_0 is max_retrograde_speed. The definitions are those
+of [notation](notation.md#observables). Points with delta_P = 11 have the pressure of the cells of
+the paper's parameter table in units of eta_s beta/R0, but not their D and c0.
 """
+
+DEFORMATION = """\
+The same definition on both sides. The difference is of second order in the edges of the mesh."""
 
 REMARKS = """
 ## What is not compared, and why

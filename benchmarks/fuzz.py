@@ -203,16 +203,13 @@ def _followed(config: Config, first: Step, folder: Path) -> tuple[str, str, Step
     scheme, end = config.time.scheme, resolved(config).time.end
     enough: Any = lambda s: "enough steps" if s.number >= MOST_STEPS[scheme] else None  # noqa: E731
     check_step(config, first, filaments)
-    run.append(first)
-    run.save(first)
+    run.take(first)
     word = "nothing"
     try:
         for step in evolve(first, config.time, [enough]):
             check_step(config, step, filaments)
-            row = run.append(step)
+            row = run.take(step) or {}
             require(all(np.isfinite(x) for x in row.values()), f"an observable of {row}")
-            if run.frame_due(step):
-                run.save(step)
             word = step.ended or ""
         require(bool(word), "the run ended without a reason")
     except Diverged as error:

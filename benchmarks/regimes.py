@@ -122,8 +122,7 @@ def followed(case: Case, nodes: int, control: Time, wall: float, keep: Path | No
     path, times = [step.state.position], [0.0]
     why = ""
     if run is not None:
-        run.append(step)
-        run.save(step)
+        run.take(step)
     try:
         for step in evolve(first, config.time):
             worst = min(worst, mesh_quality(step.model, step.state, step.flow))
@@ -131,9 +130,7 @@ def followed(case: Case, nodes: int, control: Time, wall: float, keep: Path | No
             path.append(step.state.position)
             times.append(step.state.t)
             if run is not None:
-                run.append(step)
-                if run.frame_due(step):
-                    run.save(step)
+                run.take(step)
             why = step.ended or ""
             if not why and time.perf_counter() - began > wall:
                 why = "wall time"
@@ -141,8 +138,7 @@ def followed(case: Case, nodes: int, control: Time, wall: float, keep: Path | No
     except Diverged as error:
         why = str(error).split(": ", 1)[1]
     if run is not None:
-        if run.frame_times[-1][0] < step.state.t:
-            run.save(step)
+        run.save(step)
         run.write_manifest("finished", ended=why, t=step.state.t)
     wall = time.perf_counter() - began
     return Record(why, step, worst, shortest, np.array(path), np.array(times), wall)

@@ -28,12 +28,10 @@ def stored(tmp_path_factory):
     folder = tmp_path_factory.mktemp("run")
     step = start(CONFIG)
     run = new_run(folder, CONFIG)
-    run.append(step)
-    run.save(step)
+    run.take(step)
     for step in evolve(step, CONFIG.time):
-        run.append(step)
-        if run.frame_due(step) or step.ended:
-            run.save(step)
+        run.take(step)
+    run.save(step)
     assert len(step.history) == 3
     assert len(run.frame_times) > 2
     with np.load(folder / "checkpoint.npz", allow_pickle=False) as data:

@@ -1,6 +1,8 @@
 import errno
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +11,7 @@ import tomllib
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from amoeboid import store
@@ -30,6 +33,8 @@ RUN_KEYS = {
     "wall_s",
     "steady",
     "growth_rate",
+    "rate_of_change",
+    "speed_growth",
     "output",
 }
 PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
@@ -400,3 +405,95 @@ def test_the_growth_rate_is_told_and_kept(tmp_path, capsys):
     assert summary["growth_rate"] == pytest.approx(
         growth_rate(Parameters(D=0.4, v_p0=5.0), 1), rel=0.05
     )
+
+
+def test_a_run_that_is_not_steady_says_how_fast_it_changes_and_how_to_go_on(tmp_path, capsys):
+    """A small polarization grows at lambda_1 of the linear theory, on 42 nodes within 10 %."""
+    p, folder = Parameters(D=0.03, v_p0=6.0), tmp_path / "run"
+    settings = ["D=0.03", "v_p0=6", "initial.perturbation=1e-3", "mesh.subdivisions=1"]
+    run = ["run", *(w for s in settings for w in ("--set", s)), "--set", "time.end=2"]
+    assert main([*run, "-o", str(folder)]) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    summary = json.loads((folder / "manifest.json").read_text())["summary"]
+    assert not summary["steady"]
+    assert summary["speed_growth"] == pytest.approx(growth_rate(p, 1), rel=0.1)
+    # the change of c in units of c0 at the poles, where it is the largest
+    polarity = 0.5 * (summary["c_rear"] - summary["c_front"]) / summary["c_rear"]
+    assert summary["rate_of_change"] == pytest.approx(polarity * growth_rate(p, 1), rel=0.15)
+    assert f"changes by {100 * summary['rate_of_change']:.3g} %" in text
+    assert f"grows by {100 * summary['speed_growth']:.3g} % per unit of time" in text
+    hint = re.search(r"to go on: amoeboid (run --resume \S+ --set time\.end=4)", text)
+    assert hint is not None
+    assert main([*hint[1].split(), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["speed_growth"] > 0
+
+
+def test_a_decaying_cell_is_said_to_decay(tmp_path, capsys):
+    run = ["run", "--set", "v_p0=4", *QUICK, "-o", str(tmp_path / "run")]
+    assert main(run) == 0
+    text = " ".join(capsys.readouterr().out.split())
+    assert "the state is not steady" in text
+    assert "max_retrograde_speed falls by" in text
+
+
+UNITS = {
+    # lengths in um, times in s, masses such that pressures are in Pa: the cell of the paper
+    "um": "R0=10 delta_P=300 eta_s=2700 eta_b=2700 c0=1370 c_r=972.55 beta=0.1 D=0.03 v_p0=1.7",
+    # the same in R0, 1/beta, eta_s/beta and c_r R0^2
+    "R0": "R0=1 delta_P=11.11111111111111 eta_s=1 eta_b=1 c0=1.408667934810549 c_r=1 beta=1 "
+    "D=0.003 v_p0=1.7",
+}
+
+
+def test_a_run_of_defaults_is_the_same_in_all_units(tmp_path, capsys):
+    """The start, steps, and times of frames; the cell of the paper keeps its polarization."""
+    found = {}
+    for name, settings in UNITS.items():
+        end = f"time.end={40 if name == 'um' else 4}"
+        words = [w for s in (*settings.split(), end) for w in ("--set", s)]
+        run = ["run", *words, "--set", "mesh.subdivisions=1", "--json", "-o", str(tmp_path / name)]
+        assert main(run) == 0
+        summary = json.loads(capsys.readouterr().out)
+        manifest = json.loads((tmp_path / name / "manifest.json").read_text())
+        p = manifest["parameters"]
+        assert manifest["initial"]["perturbation"] == p["c0"]
+        found[name] = [
+            summary["max_retrograde_speed"] / (p["R0"] * p["beta"]),
+            summary["c_front"] / p["c_r"],
+            summary["c_rear"] / p["c_r"],
+            summary["zeta0"] / (p["eta_s"] * p["beta"]),
+            summary["steps"],
+            summary["rate_of_change"] / p["beta"],
+            manifest["t"] * p["beta"],
+            manifest["frames"][-2]["t"] * p["beta"],
+        ]
+    print(found)
+    assert found["um"][2] > 1.2 * found["um"][1]
+    np.testing.assert_allclose(found["um"], found["R0"], rtol=1e-5)
+
+
+@pytest.mark.parametrize("settings", ["c0=2", "c0=0.5 v_p0=3", "law=inverse D=0.03 v_p0=1.7"])
+def test_the_default_start_suits_the_concentration_and_the_law(settings, tmp_path, capsys):
+    words = [w for s in settings.split() for w in ("--set", s)]
+    run = ["run", *words, "--set", "mesh.subdivisions=1", "--set", "time.end=0.2", "--json"]
+    assert main([*run, "-o", str(tmp_path / "run")]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert summary["c_rear"] > 1.2 * summary["c_front"]
+
+
+def test_whatever_ends_a_run_is_in_its_manifest(tmp_path, monkeypatch):
+    folder = tmp_path / "run"
+    for error, status in ((MemoryError("no room"), "failed"), (KeyboardInterrupt(), "interrupted")):
+
+        def fail(*_, error=error):
+            raise error
+
+        monkeypatch.setattr(store, "between", fail)
+        run = ["run", *QUICK, "--set", "output.interval=0.01", "-o", str(folder)]
+        if status == "failed":
+            with pytest.raises(MemoryError):
+                main(run)
+        else:
+            assert main(run) == 130
+        assert json.loads((folder / "manifest.json").read_text())["status"] == status
+        shutil.rmtree(folder)

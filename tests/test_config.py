@@ -155,3 +155,25 @@ def test_an_empty_file_is_the_default_run():
 def test_wrong_files_are_refused(text, says):
     with pytest.raises(InvalidInput, match=says):
         config_from_toml(text)
+
+
+@pytest.mark.parametrize(
+    ("settings", "perturbation"),
+    [
+        (["c0=2"], 2.0),
+        (["c0=1370", "c_r=970"], 1370.0),
+        (["c0=2", "law=inverse"], 0.4),
+        (["c0=2", "law=v_p0/c"], 0.4),
+        (["c0=2", "law=v_p0/(1 + c)"], 2.0),
+        (["c0=2", "initial.perturbation=0.5"], 0.5),
+        (["c0=2", "initial.from_frame=some.vtp"], 0.0),
+    ],
+)
+def test_the_default_perturbation_is_that_of_the_concentration(settings, perturbation):
+    found = resolved(with_settings(Config(), settings)).initial.perturbation
+    assert found == pytest.approx(perturbation)
+
+
+def test_intervals_of_frames_below_the_shortest_step_are_refused():
+    with pytest.raises(InvalidInput, match=r"output\.interval must be > 1e-07"):
+        resolved(with_settings(Config(), ["output.interval=1e-8"]))

@@ -7,11 +7,19 @@ import pytest
 from amoeboid import simulation
 from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.config import Config, Initial, Mesh, Output, Time
-from amoeboid.numerics.multistep import backward_difference
+from amoeboid.numerics.multistep import backward_difference, extrapolated
+from amoeboid.observables import filament_number, retrograde_flow
 from amoeboid.parameters import Parameters
-from amoeboid.simulation import Diverged, evolve, start
+from amoeboid.simulation import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.stepping import difference, foreseen, local_error, starting_step
+from amoeboid.surface.geometry import area, node_areas
+from amoeboid.surface.stepping import (
+    difference,
+    foreseen,
+    local_error,
+    semi_implicit_step,
+    starting_step,
+)
 from amoeboid.validation import InvalidInput
 from surface.orders import in_short_steps
 
@@ -475,3 +483,107 @@ def test_a_sphere_exactly_at_rest_above_its_threshold_is_not_steady():
     )
     _, steps = steps_of(config)
     assert not any(step.steady for step in steps)
+
+
+def in_fixed_steps(config, dt, end):
+    """All steps of the same length, whatever their error."""
+    steps = [start(config)]
+    while steps[-1].state.t < end - 1e-9:
+        last = steps[-1]
+        state, flow, _ = semi_implicit_step(last.model, last.history, dt, last.flow, 1e-9)
+        history = (state, *last.history[:2])
+        steps.append(replace(last, number=last.number + 1, history=history, flow=flow))
+    return steps
+
+
+def at(steps, t):
+    """The cell at time t of a run."""
+    for before, after in pairwise(steps):
+        if before.state.t < t <= after.state.t:
+            return between(before, after, t)
+    raise AssertionError(t)
+
+
+def test_the_cell_between_two_steps_is_of_second_order_and_keeps_area_and_filaments():
+    """Against many short steps; without turnover, so that the number of filaments is kept."""
+    config = replace(QUICK, parameters=Parameters(D=0.4, v_p0=3.0, beta=0.0, delta_P=30.0))
+    times = 0.8 * np.array([0.733, 0.81, 0.9])
+    reference = in_fixed_steps(config, 5e-3, 0.8)
+    errors = []
+    for dt in (0.1, 0.05, 0.025):
+        steps, worst = in_fixed_steps(config, dt, 0.8), np.zeros(3)
+        for t in times:
+            cell, exact = at(steps, t), at(reference, t)
+            model, now = cell.model, cell.state
+            assert now.t == t
+            assert area(now.r, model.mesh.faces) == pytest.approx(model.A0, rel=1e-12)
+            found = filament_number(model, now, cell.flow)
+            assert found == pytest.approx(filament_number(model, *parts(steps[0])), rel=1e-12)
+            r = np.einsum("vi,vi->v", now.r - exact.state.r, exact.flow.normals)
+            flow = retrograde_flow(model, now, cell.flow)
+            v = flow - retrograde_flow(model, exact.state, exact.flow)
+            c = (now.c - exact.state.c) / exact.state.c
+            worst = np.maximum(worst, [np.abs(c).max(), np.abs(r).max(), np.abs(v).max()])
+        errors.append(worst)
+    order = 0.5 * np.log2(errors[0] / errors[-1])
+    print(errors, order)
+    # that of the shape is higher: its small errors change sign
+    assert np.all(order > 1.8)
+    assert np.all(errors[-1] < 5e-5)
+
+
+def parts(step):
+    return step.state, step.flow
+
+
+def test_the_cell_at_the_ends_of_a_step_is_that_of_the_step():
+    _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
+    for before, after in pairwise(steps):
+        for state, flow, t in (
+            (after.state, after.flow, after.state.t),
+            (before.state, before.flow, before.state.t),
+        ):
+            cell = between(before, after, t)
+            np.testing.assert_allclose(cell.state.r, state.r, atol=1e-12)
+            np.testing.assert_allclose(cell.state.c, state.c, rtol=1e-12)
+            np.testing.assert_allclose(cell.flow.v, flow.v, atol=1e-12)
+            np.testing.assert_allclose(cell.state.position, state.position, atol=1e-12)
+    for outside in (before.state.t - 1e-3, after.state.t + 1e-3):
+        with pytest.raises(InvalidInput, match="t must be"):
+            between(before, after, outside)
+
+
+def test_between_steps_concentrations_stay_positive_where_a_front_empties():
+    config = Config(
+        parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
+        mesh=Mesh(subdivisions=1),
+        initial=Initial(perturbation=2.99),
+        time=Time(end=8.0, tolerance=1e-2),
+    )
+    before, straight = start(config), 0
+    for step in evolve(before, config.time):
+        for share in (0.25, 0.75):
+            t = before.state.t + share * step.dt
+            cell = between(before, step, t)
+            assert cell.state.c.min() >= 0
+            found = filament_number(cell.model, *parts(cell))
+            assert found == pytest.approx(filament_number(step.model, *parts(step)), rel=1e-12)
+            numbers = [s.c * node_areas(s.r, step.model.mesh.faces) for s in step.history]
+            straight += extrapolated([s.t for s in step.history], numbers, t).min() < 0
+        before = step
+    assert straight > 0
+
+
+@pytest.mark.parametrize("interval", [0.1, 0.7, 1e-5])
+def test_times_of_frames_are_multiples_of_the_interval(interval):
+    """Whatever the ends of the steps, and with their rounding."""
+    found, t = [], 0.0
+    for dt in np.random.default_rng(1).uniform(0.0, 3.0 * interval, 400):
+        found += due_times(found[-1] if found else 0.0, t + dt, interval)
+        t += dt
+    assert len(found) == int(t / interval)
+    np.testing.assert_allclose(found, interval * np.arange(1, len(found) + 1), rtol=1e-12)
+    # a step that ends there but for rounding is the frame itself
+    assert list(due_times(0.2, np.nextafter(0.3, 0.0), 0.1)) == [np.nextafter(0.3, 0.0)]
+    assert list(due_times(0.2, np.nextafter(0.3, 1.0), 0.1)) == [np.nextafter(0.3, 1.0)]
+    assert list(due_times(np.nextafter(0.3, 0.0), 0.35, 0.1)) == []

@@ -1,19 +1,32 @@
 import json
+import re
+import time
 import xml.etree.ElementTree as ElementTree
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 import pyvista as pv
 
-from amoeboid import versions
-from amoeboid.config import Config, Initial, Mesh, Output, Time, config_from_toml, resolved
-from amoeboid.observables import observed, retrograde_flow
-from amoeboid.parameters import Parameters
+from amoeboid import store, versions
+from amoeboid.cli.main import main
+from amoeboid.config import (
+    Config,
+    Initial,
+    Mesh,
+    Output,
+    Time,
+    config_from_toml,
+    config_to_toml,
+    resolved,
+)
+from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
+from amoeboid.parameters import Parameters, parameters_to_toml
+from amoeboid.polymerization import NAMED_LAWS, Law
 from amoeboid.simulation import evolve, start
 from amoeboid.store import (
-    COLUMNS,
     new_folder,
     new_run,
     resumed_run,
@@ -34,15 +47,12 @@ CONFIG = Config(
 def run_into(folder, config=CONFIG, stop_after=None):
     step = start(config)
     run = new_run(new_folder(folder), config)
-    run.append(step)
-    run.save(step)
+    run.take(step)
     for step in evolve(step, config.time):
-        run.append(step)
-        if run.frame_due(step) or step.ended:
-            run.save(step)
+        run.take(step)
         if step.number == stop_after:
-            run.save(step)
             break
+    run.save(step)
     return step.model, run, step
 
 
@@ -70,11 +80,12 @@ def test_frames_open_in_pyvista_with_all_fields(tmp_path):
 
 
 def test_time_series_has_every_step_and_observable(tmp_path):
-    model, _, last = run_into(tmp_path / "run")
+    model, run, last = run_into(tmp_path / "run")
+    columns = tuple(run.units)
     table = np.genfromtxt(tmp_path / "run" / "timeseries.csv", delimiter=",", names=True)
-    assert table.dtype.names == COLUMNS
+    assert table.dtype.names == columns
     assert np.array_equal(table["step"], np.arange(last.number + 1))
-    assert np.all(np.isfinite([table[name] for name in COLUMNS]))
+    assert np.all(np.isfinite([table[name] for name in columns]))
     for name, value in observed(model, last.state, last.flow).items():
         assert table[name][-1] == value
 
@@ -283,3 +294,314 @@ def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path)
     assert np.array_equal(step.model.mesh.faces, whole.model.mesh.faces)
     assert np.array_equal(step.state.r, whole.state.r)
     assert np.array_equal(step.state.c, whole.state.c)
+
+
+def frame_times(folder):
+    """Times of the list of frames, of the frames themselves, and of the manifest if it is there."""
+    series = pv.get_reader(str(folder / "frames.pvd"))
+    read = [
+        float(pv.read(folder / "frames" / f"frame_{k:05d}.vtp").field_data["t"][0])
+        for k in range(len(series.time_values))
+    ]
+    assert read == series.time_values
+    return read
+
+
+@pytest.mark.parametrize(
+    ("interval", "end", "count"), [(0.02, 0.5, 26), (0.3, 1.0, 5), (0.5, 0.4, 2), (0.1, 0.3, 4)]
+)
+def test_frames_are_at_multiples_of_the_interval_and_at_the_end(interval, end, count, tmp_path):
+    """Intervals shorter and longer than a step; ends that are multiples and others."""
+    config = replace(CONFIG, time=Time(end=end), output=Output(interval=interval))
+    _, run, last = run_into(tmp_path / "run", config)
+    times = [t for t, _ in run.frame_times]
+    assert times == frame_times(run.folder)
+    expected = [k * interval for k in range(count - 1)] + [last.state.t]
+    np.testing.assert_allclose(times, expected, rtol=1e-12)
+    # the run itself does not depend on it
+    _, other, alike = run_into(tmp_path / "other", replace(config, output=Output(interval=9.0)))
+    assert np.array_equal(alike.state.c, last.state.c)
+    assert [row["t"] for row in run.rows] == [row["t"] for row in other.rows]
+
+
+def files_of(folder):
+    return {p.name: p.read_bytes() for p in (folder / "frames").iterdir()}
+
+
+@pytest.mark.parametrize("subdivisions", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_frames_of_a_resumed_run_are_those_of_the_uninterrupted_one(subdivisions, tmp_path):
+    """Resumed from a checkpoint in the middle of the frames, with a changing mesh on the way."""
+    config = Config(
+        parameters=Parameters(D=0.4, v_p0=8.0, delta_P=2.0, beta=0.0),
+        mesh=Mesh(subdivisions=subdivisions),
+        initial=Initial(perturbation=2.0),
+        time=Time(end=0.7, stop_when_steady=False),
+        output=Output(interval=0.01),
+    )
+    _, whole, last = run_into(tmp_path / "whole", config)
+    assert (last.model.mesh.n_nodes != 10 * 4**subdivisions + 2) == (subdivisions == 2)
+    assert len(whole.frame_times) == 71
+    times = np.array([t for t, _ in whole.frame_times])
+    np.testing.assert_allclose(times, 0.01 * np.arange(71), rtol=1e-9)
+    step = start(config)
+    run = new_run(new_folder(tmp_path / "half"), config)
+    run.take(step)
+    killed = last.number - 10
+    for step in evolve(step, config.time):
+        run.take(step)
+        if step.number == killed:  # without another word
+            break
+    resumed, step = resumed_run(run.folder, config)
+    assert 0 < step.number <= killed
+    for step in evolve(step, config.time):
+        resumed.take(step)
+    resumed.save(step)
+    assert files_of(run.folder) == files_of(whole.folder)
+    for name in ("timeseries.csv", "frames.pvd"):
+        assert (run.folder / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
+def test_another_interval_on_resuming_counts_from_where_the_run_stands(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", replace(CONFIG, time=Time(end=0.7)))
+    config = replace(CONFIG, time=Time(end=1.1), output=Output(interval=0.1))
+    resumed, step = resumed_run(run.folder, config)
+    for step in evolve(step, config.time):
+        resumed.take(step)
+    resumed.save(step)
+    times = frame_times(run.folder)
+    np.testing.assert_allclose(times, [0.0, 0.4, 0.7, 0.8, 0.9, 1.0, 1.1], rtol=1e-9)
+
+
+def test_a_save_reads_and_writes_no_more_the_longer_the_run(tmp_path, monkeypatch):
+    """Neither rows nor entries that are there already, nor the older frames."""
+    step = start(CONFIG)
+    run = new_run(new_folder(tmp_path / "run"), replace(CONFIG, output=Output(interval=1e-3)))
+    run.take(step)
+    step = next(evolve(step, CONFIG.time))
+    run.take(step)
+    written, looked_for = [], []
+    write_whole, is_file = store.write_text, Path.is_file
+    monkeypatch.setattr(store, "write_text", lambda p, t: (written.append(p), write_whole(p, t)))
+    monkeypatch.setattr(Path, "is_file", lambda p: (looked_for.append(p), is_file(p))[1])
+    sizes = []
+    for _ in range(40):
+        later = tuple(replace(s, t=s.t + 1e-3) for s in step.history)
+        step = replace(step, history=later, number=step.number + 1)
+        before = [(run.folder / n).stat().st_size for n in ("timeseries.csv", "frames.pvd")]
+        run.take(step)
+        after = [(run.folder / n).stat().st_size for n in ("timeseries.csv", "frames.pvd")]
+        sizes.append(np.subtract(after, before))
+    assert written == []
+    assert looked_for == []
+    assert np.ptp(sizes, axis=0)[1] < 30
+    assert frame_times(run.folder) == [t for t, _ in run.frame_times]
+    _, back = resumed_run(run.folder, run.given)
+    assert back.number == step.number
+
+
+@pytest.mark.slow
+def test_the_cost_of_a_frame_is_the_same_after_ten_thousand(tmp_path):
+    config = replace(CONFIG, output=Output(interval=1e-3))
+    step = start(config)
+    run = new_run(new_folder(tmp_path / "run"), config)
+    run.take(step)
+    step = next(evolve(step, CONFIG.time))
+    spent = []
+    for _ in range(10_000):
+        later = tuple(replace(s, t=s.t + 1e-3) for s in step.history)
+        step = replace(step, history=later, number=step.number + 1)
+        began = time.process_time()
+        run.take(step)
+        spent.append(time.process_time() - began)
+    early, late = np.median(spent[100:1000]), np.median(spent[-900:])
+    print(f"{1e3 * early:.2f} ms a frame after 100 frames, {1e3 * late:.2f} ms after 9100")
+    assert late < 1.3 * early
+
+
+@pytest.mark.parametrize("torn", ["7,0.3", "7,0.3,1\n", "\0", '"'])
+def test_a_row_torn_by_a_kill_is_dropped(torn, tmp_path):
+    """A run killed while a row was written, before the checkpoint that belongs to it."""
+    _, run, last = run_into(tmp_path / "run", stop_after=3)
+    whole = (run.folder / "timeseries.csv").read_bytes()
+    (run.folder / "timeseries.csv").write_bytes(whole + torn.encode("latin-1"))
+    pvd = (run.folder / "frames.pvd").read_bytes()
+    (run.folder / "frames.pvd").write_bytes(pvd[:-15])
+    resumed, step = resumed_run(run.folder, run.given)
+    assert step.number == last.number
+    resumed.save(step)
+    assert (run.folder / "timeseries.csv").read_bytes() == whole
+    resumed.write_manifest("finished")
+    assert (run.folder / "frames.pvd").read_bytes() == pvd
+
+
+def test_a_table_that_was_changed_or_removed_meanwhile_is_written_anew(tmp_path):
+    step = start(CONFIG)
+    run = new_run(new_folder(tmp_path / "run"), CONFIG)
+    run.take(step)
+    for step in evolve(step, CONFIG.time):
+        run.take(step)
+        if step.number == 2:
+            (run.folder / "frames.pvd").unlink()
+            (run.folder / "timeseries.csv").write_text("")
+    run.save(step)
+    _, whole, _ = run_into(tmp_path / "whole")
+    for name in ("timeseries.csv", "frames.pvd"):
+        assert (run.folder / name).read_bytes() == (whole.folder / name).read_bytes()
+
+
+def test_every_column_has_its_dimension_in_the_manifest(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    units = json.loads((run.folder / "manifest.json").read_text())["units"]
+    header = (run.folder / "timeseries.csv").read_text().splitlines()[0].split(",")
+    assert list(units) == header
+    assert None not in units.values()
+    # a cell twice as large, four times as slow, and so on: numbers go as their dimensions say
+    L, T, M, N = 2.0, 4.0, 8.0, 32.0
+    p = CONFIG.parameters
+    sizes = {f.name: f.metadata["unit"] for f in fields(p) if "unit" in f.metadata}
+    other = p.replace(**{n: getattr(p, n) * factor(u, L, T, M, N) for n, u in sizes.items()})
+    initial, interval = Initial(perturbation=1.0 * N / L**2), Output(interval=0.4 * T)
+    config = replace(CONFIG, parameters=other, initial=initial, output=interval)
+    _, scaled, _ = run_into(tmp_path / "scaled", replace(config, time=Time(end=1.5 * T)), 2)
+    for name, unit in units.items():
+        for row, alike in zip(run.rows, scaled.rows, strict=True):
+            assert alike[name] == pytest.approx(
+                row[name] * factor(unit, L, T, M, N), rel=1e-6, abs=1e-9
+            ), name
+
+
+def factor(unit, L, T, M, N):
+    """What a number of this dimension is multiplied with."""
+    text = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", unit).replace("^", "**")
+    return eval(text, {"L": L, "T": T, "M": M, "N": N})  # noqa: S307  (our own texts)
+
+
+@pytest.fixture
+def observables():
+    """The list of observables, put back afterwards."""
+    saved = dict(OBSERVABLES)
+    yield OBSERVABLES
+    OBSERVABLES.clear()
+    OBSERVABLES.update(saved)
+
+
+def r_std(model, state, flow):
+    return np.linalg.norm(state.r, axis=1).std()
+
+
+def test_a_users_observable_is_a_column_of_the_next_run(observables, tmp_path):
+    observables["r_std"] = r_std
+    _, run, last = run_into(tmp_path / "run", stop_after=3)
+    table = np.genfromtxt(run.folder / "timeseries.csv", delimiter=",", names=True)
+    assert table["r_std"][-1] == r_std(last.model, last.state, last.flow)
+    assert json.loads((run.folder / "manifest.json").read_text())["units"]["r_std"] is None
+    resumed, _ = resumed_run(run.folder, run.given)
+    assert resumed.rows == run.rows
+    del observables["r_std"]
+    with pytest.raises(InvalidInput, match="r_std is no observable of this program"):
+        resumed_run(run.folder, run.given)
+    observables["r_max"] = observables["r_std"] = r_std
+    with pytest.raises(InvalidInput, match="lacks the observables r_max"):
+        resumed_run(run.folder, run.given)
+
+
+@pytest.mark.parametrize(
+    ("observable", "says"),
+    [
+        (lambda model, state, flow: 1 / 0, "'mine' must give a finite number, it raised ZeroDivi"),
+        (lambda model, state: 0.0, "'mine' must give a finite number, it raised TypeError"),
+        (lambda model, state, flow: np.nan, "'mine' must give a finite number, got nan"),
+        (lambda model, state, flow: state.r, "'mine' must give a finite number, got"),
+        (lambda model, state, flow: None, "'mine' must give a finite number"),
+        (lambda model, state, flow: "much", "'mine' must give a finite number, it raised Value"),
+    ],
+)
+def test_an_observable_that_fails_is_named_and_the_run_has_failed(
+    observable, says, observables, tmp_path, capsys
+):
+    observables["mine"] = observable
+    folder = tmp_path / "run"
+    run = ["run", "--set", "mesh.subdivisions=1", "--set", "time.end=0.1", "-o", str(folder)]
+    assert main(run) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert says in err
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["status"] == "failed"
+    assert says in manifest["ended"]
+
+
+@pytest.mark.parametrize("name", ["t", "step", "cortex_drag_x"])
+def test_an_observable_must_have_a_name_of_its_own(name, observables, tmp_path):
+    observables[name] = r_std
+    with pytest.raises(InvalidInput, match=f"{name!r} is another column"):
+        run_into(tmp_path / "run")
+    assert list((tmp_path / "run").iterdir()) == []
+
+
+class Linear(Law):
+    name = "linear"
+
+    def derivatives(self, c, v_p0, c_r, order=3):
+        c = np.asarray(c)
+        slopes = (0 * c - v_p0 / (10 * c_r), *[0 * c] * order)
+        return (v_p0 * (1 - c / (10 * c_r)), *slopes[:order])
+
+
+def test_a_law_that_no_file_can_hold_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    config = replace(CONFIG, parameters=CONFIG.parameters.replace(law=Linear()))
+    # without a folder it runs
+    *_, last = evolve(start(config), Time(end=0.2))
+    assert last.ended == "end of time"
+    for write in (config_to_toml, lambda c: parameters_to_toml(c.parameters)):
+        with pytest.raises(InvalidInput, match="Linear with the name 'linear' would not be read"):
+            write(config)
+    with pytest.raises(InvalidInput, match="would not be read back"):
+        new_run(new_folder(tmp_path / "run"), config)
+    assert list((tmp_path / "run").iterdir()) == []
+    # listed, it is read back and the run can be resumed
+    monkeypatch.setitem(NAMED_LAWS, "linear", Linear)
+    assert config_from_toml(config_to_toml(config)) == config
+    _, run, last = run_into(tmp_path / "listed", config, stop_after=3)
+    assert resumed_run(run.folder, stored_config(run.folder))[1].number == last.number
+
+
+def test_a_law_needs_a_name():
+    class Nameless(Linear):
+        name = None
+
+    with pytest.raises(InvalidInput, match="Nameless has none"):
+        Parameters(law=Nameless())
+
+    # one that has the name of another
+    class Other(Linear):
+        name = "exponential"
+
+    with pytest.raises(InvalidInput, match="would not be read back"):
+        parameters_to_toml(Parameters(law=Other()))
+
+
+@pytest.mark.parametrize("surface", [False, True])
+def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path, capsys):
+    config = replace(CONFIG, time=Time(end=0.2))
+    if surface:
+        _, run, _ = run_into(tmp_path / "shape", config, stop_after=1)
+        shape = str(run.folder / "frames" / "frame_00000.vtp")
+        config = replace(config, initial=Initial(perturbation=1.0, surface=shape))
+    _, whole, _ = run_into(tmp_path / "whole", config)
+    folder = new_folder(tmp_path / "killed")
+    new_run(folder, config)
+    again = ["run", "--resume", str(folder), "--json"]
+    assert main([*again, "--set", "D=1"]) == 2
+    assert "--resume keeps [parameters]" in capsys.readouterr().err
+    assert main(["run", "-o", str(folder)]) == 2
+    assert "continue the run in it with --resume" in capsys.readouterr().err
+    assert main(again) == 0
+    assert "had ended before its first checkpoint: it begins anew" in capsys.readouterr().err
+    assert files_of(folder) == files_of(whole.folder)
+    name = "timeseries.csv"
+    assert (folder / name).read_bytes() == (whole.folder / name).read_bytes()
+    # what has no configuration is no run
+    (folder / "config.toml").unlink()
+    assert main(["run", "-o", str(folder)]) == 2
+    assert "--resume" not in capsys.readouterr().err

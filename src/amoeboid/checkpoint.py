@@ -6,6 +6,7 @@ that this program could have written, or it is refused.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,8 @@ from zipfile import is_zipfile
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.config import Config, config_from_toml, config_to_toml
-from amoeboid.simulation import KEPT, Rest, Step
+from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
+from amoeboid.simulation import KEPT, Rest, Step, due_times
 from amoeboid.surface.explicit import MOST_AREA_ERROR
 from amoeboid.surface.geometry import area, volume
 from amoeboid.surface.imported import FEWEST_NODES, MOST_NODES
@@ -50,11 +51,14 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
 
 @dataclass(frozen=True, eq=False)
 class Checkpoint:
-    """A step, the configuration of its run, and the times of the frames written so far."""
+    """A step, the configuration of its run, and the times of the frames written so far.
+
+    The last frame may lie before the step, within the one that led to it; the next is not yet due.
+    """
 
     config: Config
     step: Step
-    frame_times: tuple[float, ...]
+    frame_times: Sequence[float]
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -92,7 +96,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
     backward = np.diff(frame_times).min(initial=0.0)
     _require(backward == 0, "the times of the frames must be in order", f"a step of {backward:g}")
     t = step.state.t
-    _require(frame_times[-1] == t, f"the last frame must be at t = {t!r}", frame_times[-1])
+    _require(frame_times[-1] <= t, f"no frame must be later than t = {t!r}", frame_times[-1])
+    due = next(due_times(frame_times[-1], t, resolved(config).output.interval), None)
+    _require(due is None, "frames must have been written as they were due", f"none at {due}")
     return Checkpoint(config, step, frame_times)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
 from collections.abc import Iterable, Mapping
@@ -12,6 +13,7 @@ from typing import Any
 import tomli_w
 
 from amoeboid.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.polymerization import refuse_unwritable
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -35,8 +37,9 @@ EXPLICIT_STEP = 1e-5
 # rounding of the area is divided by the step and drives a flow.
 SHORTEST_STEP = 1e-7
 SHORTEST_EXPLICIT_STEP = 1e-10
-# Initial polarization of figure 3D and of the upper branch of figure 3B of the paper.
-POLARIZATION = 3.0
+# Initial polarization of figure 3D and of the upper branch of figure 3B of the paper, in units of
+# c0; the front is empty then. Laws that are not defined there start from less.
+POLARIZATION, POLARIZATION_WITHOUT_EMPTY_FRONT = 1.0, 0.2
 # Fields of [initial] that name a file.
 FILES = ("surface", "from_frame")
 
@@ -63,7 +66,9 @@ class Initial:
     """
 
     perturbation: float = automatic(
-        f"amplitude of the initial polarization, {POLARIZATION:g}, 0 with from_frame", "N/L^2"
+        "amplitude of the initial polarization, c0 (c0/5 if the law needs c > 0), 0 with "
+        "from_frame",
+        "N/L^2",
     )
     direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "its axis, towards the rear")
     harmonics: tuple[tuple[int, int, float], ...] = harmonics(
@@ -115,7 +120,11 @@ class Time:
 class Output:
     """Section [output]."""
 
-    interval: float = automatic("simulated time between two frames, 0.5/rate", "T", gt=0)
+    interval: float = automatic(
+        "simulated time between two frames, 0.5/rate; frames are at its multiples and at the end",
+        "T",
+        gt=0,
+    )
 
     def __post_init__(self) -> None:
         validate(self, "output")
@@ -153,7 +162,7 @@ def resolved(config: Config) -> Config:
     """
     initial, time, output = config.initial, config.time, config.output
     if initial.perturbation is None:
-        amplitude = POLARIZATION if initial.from_frame is None else 0.0
+        amplitude = polarization(config.parameters) if initial.from_frame is None else 0.0
         initial = replace(initial, perturbation=amplitude)
     unit = 1.0 / config.parameters.rate
     longest = EXPLICIT_STEP if time.scheme == "explicit" else 0.5
@@ -168,6 +177,15 @@ def resolved(config: Config) -> Config:
     return config
 
 
+def polarization(p: Parameters) -> float:
+    """Amplitude of the initial polarization of a run that is given none [N/L^2]."""
+    try:
+        defined = math.isfinite(float(p.v_p(0.0)))
+    except (InvalidInput, ArithmeticError):
+        defined = False
+    return (POLARIZATION if defined else POLARIZATION_WITHOUT_EMPTY_FRONT) * p.c0
+
+
 def shortest_step(config: Config) -> float:
     """The shortest step that the scheme of `config` makes [T]."""
     explicit = config.time.scheme == "explicit"
@@ -176,11 +194,11 @@ def shortest_step(config: Config) -> float:
 
 def _check_times(config: Config) -> None:
     shortest = shortest_step(config)
-    for name in ("end", "max_step"):
-        value = getattr(config.time, name)
+    times = {f"time.{name}": getattr(config.time, name) for name in ("end", "max_step")}
+    for name, value in (times | {"output.interval": config.output.interval}).items():
         if not value > shortest:
             raise InvalidInput(
-                f"time.{name} must be > {shortest:g}, the shortest {config.time.scheme} step, got "
+                f"{name} must be > {shortest:g}, the shortest {config.time.scheme} step, got "
                 f"{value:g}; raise it or leave it out"
             )
 
@@ -260,7 +278,11 @@ def _dotted_names() -> list[str]:
 
 
 def config_to_toml(config: Config) -> str:
-    """The configuration as TOML text; `config_from_toml` reads it back equal."""
+    """The configuration as TOML text; `config_from_toml` reads it back equal.
+
+    Raises InvalidInput for a law that a text cannot hold.
+    """
+    refuse_unwritable(config.parameters.law)
     document: dict[str, Any] = {"parameters": config.parameters.as_dict()}
     for section in SECTIONS:
         if section != "parameters":

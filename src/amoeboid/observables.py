@@ -1,22 +1,25 @@
-"""What a cell is measured by; the same definitions for every solver.
+"""What a 3D cell is measured by; docs/notation.md lists the definitions, the same for every solver.
 
-To add an observable of 3D runs, write a function of (model, state, flow) and list it: a number that
-does not depend on the orientation of the cell in `OBSERVABLES`, a vector in `VECTORS`. It appears
-in the time series, a vector in three columns name_x, name_y, name_z.
+`axisymmetric.observables` has those of the axisymmetric solver. To add an observable of 3D runs,
+write a function of (model, state, flow) and list it: a number that does not depend on the
+orientation of the cell in `OBSERVABLES`, a vector in `VECTORS`, its dimension in `UNITS`. It
+appears in the time series, a vector in three columns name_x, name_y, name_z.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.surface import geometry
-from amoeboid.surface.geometry import area, node_areas, volume, volume_centroid
+from amoeboid.surface.geometry import area, node_areas, smooth_area, volume, volume_centroid
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.surface.model import Flow, Model, State
+from amoeboid.validation import InvalidInput
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -29,7 +32,7 @@ DEGREE, RINGS = 4, 3
 # steps; the share of the larger curvature that the smaller one counts for at least.
 REACH, MOST_CLIMBS, FLATTEST = 0.5, 5, 1e-3
 # Slower than this, in units of rate R0, a cell has no heading.
-SLOWEST_WITH_HEADING = 1e-6
+MIN_SPEED_WITH_HEADING = 1e-6
 # Share of a power that must be left when lower ones are taken off, squared, to be fitted.
 UNDETERMINED = 1e-10
 
@@ -50,25 +53,27 @@ def center_velocity(model: Model, state: State, flow: Flow) -> Array:
     return np.asarray((flow.node_areas * v_n) @ x / volume(state.r, model.mesh.faces))
 
 
-def migration(model: Model, state: State, flow: Flow) -> Array:
-    """Velocity (3,) of the cell, that of the center of its volume, in the laboratory [L/T].
+def cortex_drag_velocity(model: Model, state: State, flow: Flow) -> Array:
+    """Velocity (3,) of the center of volume if all drag is on the cortex, uniformly [L/T].
 
-    The laboratory is the frame in which the cortex as a whole rests (area mean of v_c).
+    Surroundings that hold the cortex back with a force -k v_c per area, and nothing else, let the
+    cell go where the area mean of v_c vanishes. The paper leaves open how a cell pushes itself off;
+    other surroundings give other velocities.
     """
     mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
     return np.asarray(center_velocity(model, state, flow) - mean_v_c)
 
 
-def migration_speed(model: Model, state: State, flow: Flow) -> float:
-    """Speed of the cell in the laboratory, see `migration` [L/T]."""
-    return float(np.linalg.norm(migration(model, state, flow)))
+def cortex_drag_speed(model: Model, state: State, flow: Flow) -> float:
+    """Magnitude of `cortex_drag_velocity` [L/T]."""
+    return float(np.linalg.norm(cortex_drag_velocity(model, state, flow)))
 
 
-def heading(model: Model, state: State, flow: Flow) -> Array:
-    """Unit vector (3,) along `migration`; zero for a cell that rests."""
-    velocity = migration(model, state, flow)
+def cortex_drag_heading(model: Model, state: State, flow: Flow) -> Array:
+    """Unit vector (3,) along `cortex_drag_velocity`; zero for a cell that rests."""
+    velocity = cortex_drag_velocity(model, state, flow)
     speed = np.linalg.norm(velocity)
-    moves = speed > SLOWEST_WITH_HEADING * model.rate * model.parameters.R0
+    moves = speed > MIN_SPEED_WITH_HEADING * model.rate * model.parameters.R0
     return np.asarray(velocity / speed if moves else np.zeros(3))
 
 
@@ -89,7 +94,8 @@ def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
 def c_front(model: Model, state: State, flow: Flow) -> float:
     """Concentration at the front, its minimum over the surface [N/L^2]."""
     lowest = int(np.argmin(state.c))
-    return _refined_extremum(model.mesh, state.r, flow.normals, state.c, lowest, -1.0)
+    refined = _refined_extremum(model.mesh, state.r, flow.normals, state.c, lowest, -1.0)
+    return refined if refined >= 0.0 else float(state.c[lowest])
 
 
 def c_rear(model: Model, state: State, flow: Flow) -> float:
@@ -126,10 +132,19 @@ def polarization(model: Model, state: State) -> Array:
 
 
 def deformation(model: Model, state: State, flow: Flow) -> float:
-    """Largest minus smallest distance from the volume center, relative to their sum."""
+    """Largest deviation of the distance from the center of volume from R0, over R0 [1].
+
+    R0 is the radius of the sphere that has the area of the surface. A polyhedron of that area has
+    its nodes outside, so that the area of the smooth surface through the nodes is taken.
+    """
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-    distance = np.linalg.norm(x, axis=1)
-    return float((distance.max() - distance.min()) / (distance.max() + distance.min()))
+    R = np.sqrt(smooth_area(state.r, model.mesh.faces) / (4.0 * np.pi))
+    change = np.linalg.norm(x, axis=1) / R - 1.0
+    farthest, nearest = int(np.argmax(change)), int(np.argmin(change))
+    return max(
+        abs(_refined_extremum(model.mesh, state.r, flow.normals, change, i, sign))
+        for i, sign in ((farthest, 1.0), (nearest, -1.0))
+    )
 
 
 def reduced_volume(model: Model, state: State, flow: Flow) -> float:
@@ -158,26 +173,75 @@ OBSERVABLES: dict[str, Observable] = {
         reduced_volume,
         filament_number,
         mesh_quality,
-        migration_speed,
+        cortex_drag_speed,
     )
 }
 
-VECTORS: dict[str, Callable[[Model, State, Flow], Array]] = {f.__name__: f for f in (heading,)}
-COLUMNS = (*OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz"))
+VECTORS: dict[str, Callable[[Model, State, Flow], Array]] = {
+    f.__name__: f for f in (cortex_drag_heading,)
+}
+
+# Dimensions in L, T, M and N as in Parameters; "1" is none. A name that is missing has none stated.
+UNITS: dict[str, str] = {
+    "max_retrograde_speed": "L/T",
+    "c_front": "N/L^2",
+    "c_rear": "N/L^2",
+    "zeta0": "M/T^2",
+    "area_error": "1",
+    "polarity": "1",
+    "deformation": "1",
+    "reduced_volume": "1",
+    "filament_number": "N",
+    "mesh_quality": "1",
+    "cortex_drag_speed": "L/T",
+    "cortex_drag_heading": "1",
+}
+
+
+def units() -> dict[str, str | None]:
+    """Dimension of every observable as its columns are named, None where `UNITS` has none."""
+    scalars = {name: UNITS.get(name) for name in OBSERVABLES}
+    return scalars | {f"{name}_{axis}": UNITS.get(name) for name in VECTORS for axis in "xyz"}
 
 
 def observed(model: Model, state: State, flow: Flow) -> dict[str, float]:
-    """All observables of one state, by name."""
-    return {name: f(model, state, flow) for name, f in OBSERVABLES.items()}
+    """All observables of one state, by name.
+
+    Raises InvalidInput, naming it, for an observable that fails or is no finite number.
+    """
+    return {name: _numbers(name, f, 1, model, state, flow)[0] for name, f in OBSERVABLES.items()}
 
 
 def components(model: Model, state: State, flow: Flow) -> dict[str, float]:
-    """Components of all vector observables of one state: name_x, name_y, name_z."""
+    """Components of all vector observables of one state: name_x, name_y, name_z.
+
+    Raises InvalidInput as `observed`.
+    """
     return {
-        f"{name}_{axis}": float(value)
+        f"{name}_{axis}": value
         for name, f in VECTORS.items()
-        for axis, value in zip("xyz", f(model, state, flow), strict=True)
+        for axis, value in zip("xyz", _numbers(name, f, 3, model, state, flow), strict=True)
     }
+
+
+def _numbers(
+    name: str, f: Callable[..., Any], count: int, model: Model, state: State, flow: Flow
+) -> list[float]:
+    """The `count` numbers that an observable, perhaps a user's, gives."""
+    try:
+        found = np.asarray(f(model, state, flow), dtype=float)
+    except Exception as error:  # a user's function may raise anything
+        raise InvalidInput(
+            f"the observable {name!r} must give {_wanted(count)}, it raised "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    if found.size != count or not np.isfinite(found).all():
+        raise InvalidInput(f"the observable {name!r} must give {_wanted(count)}, got {found}")
+    return [float(x) for x in found.ravel()]
+
+
+def _wanted(count: int) -> str:
+    return "a finite number" if count == 1 else f"{count} finite numbers"
 
 
 def _largest(values: Array, count: int) -> Index:
@@ -364,8 +428,7 @@ def _refined_extremum(
 ) -> float:
     """Extremum near node i of the quadratic through it, fitted to its neighbors.
 
-    Taken only within reach of the neighbors, and if it is no concentration below zero; else the
-    value at the node. sign +1: a maximum.
+    Taken only within reach of the neighbors, else the value at the node. sign +1: a maximum.
     """
     ring = mesh.columns[mesh.row_start[i] : mesh.row_start[i + 1]]
     ring = ring[ring != i]
@@ -379,5 +442,4 @@ def _refined_extremum(
     step = -np.linalg.solve(hessian, gradient)
     if np.linalg.norm(step) > 1.0:
         return float(values[i])
-    refined = float(values[i] + 0.5 * gradient @ step)
-    return refined if refined >= 0.0 else float(values[i])
+    return float(values[i] + 0.5 * gradient @ step)

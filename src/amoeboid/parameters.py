@@ -10,7 +10,7 @@ from typing import Any
 import tomli_w
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array, LawField
+from amoeboid.polymerization import Array, LawField, refuse_unwritable
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -95,7 +95,11 @@ def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
 
 
 def parameters_to_toml(p: Parameters) -> str:
-    """The parameters as TOML text; `parameters_from_toml` reads them back equal."""
+    """The parameters as TOML text; `parameters_from_toml` reads them back equal.
+
+    Raises InvalidInput for a law that a text cannot hold.
+    """
+    refuse_unwritable(p.law)
     return tomli_w.dumps(p.as_dict())
 
 

@@ -44,6 +44,13 @@ class Law(ABC):
     def __str__(self) -> str:
         return self.name
 
+    def __eq__(self, other: object) -> bool:
+        """Laws of one class with the same attributes are equal."""
+        return type(self) is type(other) and vars(self) == vars(other)
+
+    def __hash__(self) -> int:
+        return hash((type(self), self.name))
+
 
 @dataclass(frozen=True)
 class Exponential(Law):
@@ -209,8 +216,16 @@ NAMED_LAWS: dict[str, type[Law]] = {"exponential": Exponential, "inverse": Inver
 
 
 def law(spec: str | Law) -> Law:
-    """The law that a word or an expression in c stands for; a Law is returned as it is."""
+    """The law that a word or an expression in c stands for; a Law is returned as it is.
+
+    Raises InvalidInput, also for a Law without a name.
+    """
     if isinstance(spec, Law):
+        if not isinstance(getattr(spec, "name", None), str):
+            raise InvalidInput(
+                f"a law must have a name, a text, {type(spec).__name__} has none; "
+                f"give the class an attribute `name`"
+            )
         return spec
     if isinstance(spec, str) and spec.strip() in NAMED_LAWS:
         return NAMED_LAWS[spec.strip()]()
@@ -230,3 +245,18 @@ class LawField:
     def __set__(self, instance: object, value: str | Law) -> None:
         """Take what `law` takes. Raises InvalidInput."""
         instance.__dict__[self._name] = law(value)
+
+
+def refuse_unwritable(found: Law) -> None:
+    """Raise InvalidInput unless `law` makes an equal law of the name of this one."""
+    try:
+        back: Law | None = law(found.name)
+    except InvalidInput:
+        back = None
+    if back != found:
+        raise InvalidInput(
+            f"a law that is written to a file must be one of {', '.join(NAMED_LAWS)} or an "
+            f"expression in c, {type(found).__name__} with the name {found.name!r} would not be "
+            f"read back; give it as an expression, or list its class in "
+            f"amoeboid.polymerization.NAMED_LAWS"
+        )

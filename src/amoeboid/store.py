@@ -1,6 +1,6 @@
 """A run's folder: manifest, configuration, time series, frames, checkpoint.
 
-    manifest.json        status, parameters, versions, platform, seed, summary
+    manifest.json        status, parameters, units, versions, platform, seed, summary
     config.toml          the configuration as given; `amoeboid run config.toml` repeats the run
     initial_*            copy of the surface or frame the run started from, if it did from a file
     timeseries.csv       one row an accepted step, of the explicit scheme one a frame
@@ -8,7 +8,9 @@
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
     checkpoint.npz       what `--resume` goes on from
 
-Every file is written under a temporary name and renamed: a killed run leaves nothing half-written.
+Files are written under a temporary name and renamed, so that a killed run leaves none of them
+half-written. Time series and list of frames grow in place by what is new, at a cost that does not
+depend on their length; a resumed run writes both anew, up to its checkpoint.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ import math
 import os
 import platform
 import shutil
-from collections.abc import Callable
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
@@ -30,16 +34,26 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
-from amoeboid.observables import COLUMNS as OBSERVED_COLUMNS
-from amoeboid.observables import components, observed, retrograde_flow
-from amoeboid.simulation import Step
+from amoeboid.config import Config, anchored, config_from_toml, config_to_toml, resolved
+from amoeboid.observables import OBSERVABLES, VECTORS, components, observed, retrograde_flow
+from amoeboid.observables import units as observable_units
+from amoeboid.simulation import Step, between, due_times, start
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
 from amoeboid.versions import installed_versions
 
-STEP_COLUMNS = ("step", "t", "dt", "rejected", "rate", "x", "y", "z")
-COLUMNS = (*STEP_COLUMNS, *OBSERVED_COLUMNS)
+# Columns of `State.position`: the way of a cell with all drag on its cortex.
+POSITION = ("cortex_drag_x", "cortex_drag_y", "cortex_drag_z")
+# Columns of a step beside its observables, and their dimensions; `rate` is in units of
+# Parameters.rate.
+STEP_UNITS: dict[str, str | None] = {
+    "step": "1",
+    "t": "T",
+    "dt": "T",
+    "rejected": "1",
+    "rate": "1",
+    **dict.fromkeys(POSITION, "L"),
+}
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
 
@@ -72,59 +86,98 @@ def text_of(path: Path) -> str:
 
 
 class Run:
-    """A run's folder, open for appending. Made by `new_run` or `resumed_run`.
+    """A run's folder, open for appending. Made by `new_run`, `resumed_run` or `restarted_run`.
 
     `given` is the configuration with automatic fields left open, so that they follow the scheme
     and the parameters where it is used again; `config` has every value that the run is made with.
+    `units`: the columns of the time series, that is all observables there are now, and their
+    dimensions.
     """
 
     def __init__(self, folder: Path, given: Config) -> None:
         self.folder = folder
         self.given, self.config = given, resolved(given)
+        self.units = STEP_UNITS | observable_units()
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
+        self._times = array("d")
+        self._begins_after = -math.inf
+        self._last: Step | None = None
+        self._table = _GrowingFile(folder / "timeseries.csv")
+        self._collection = _GrowingFile(folder / "frames.pvd", _COLLECTION_END)
+        self._rows_written = 0
 
     def begin(self) -> None:
         """Write the configuration and a manifest that says the run is under way."""
         write_text(self.folder / "config.toml", config_to_toml(self.given))
         self.write_manifest("running")
 
+    def take(self, step: Step) -> dict[str, float] | None:
+        """Take up the next step, with the frames that were due within it; returns its row, if any.
+
+        Every step has a row, of the explicit scheme every one within which a frame was due. Frames
+        are at multiples of output.interval, by `simulation.between`.
+        """
+        before, due = self._last, self.frames_due(step)
+        every = self.config.time.scheme != "explicit"
+        row = self.append(step) if every or due else None
+        self._last = step
+        for t in due:
+            self._write_frame(
+                step if before is None or t == step.state.t else between(before, step, t)
+            )
+        if due:
+            self._checkpoint(step)
+        return row
+
     def append(self, step: Step) -> dict[str, float]:
-        """Take up one step; returns its row of the time series."""
-        position = dict(zip("xyz", (float(x) for x in step.state.position), strict=True))
-        row = {
+        """Add the row of a step to the time series; returns it."""
+        position = (float(x) for x in step.state.position)
+        found = {
             "step": step.number,
             "t": step.state.t,
             "dt": step.dt,
             "rejected": step.rejected,
             "rate": step.rate,
-            **position,
+            **dict(zip(POSITION, position, strict=True)),
             **observed(step.model, step.state, step.flow),
             **components(step.model, step.state, step.flow),
         }
+        row = {name: found[name] for name in self.units}
         self.rows.append(row)
+        self._last = step
         return row
 
-    def row_due(self, step: Step) -> bool:
-        """Whether the step belongs into the time series: of explicit ones those with a frame."""
-        return self.config.time.scheme != "explicit" or self.frame_due(step)
-
-    def frame_due(self, step: Step) -> bool:
-        """Whether output.interval has passed since the last frame."""
+    def frames_due(self, step: Step) -> list[float]:
+        """Times of the frames that are due up to a step: multiples of output.interval."""
         if not self.frame_times:
-            return True
-        return step.state.t >= self.frame_times[-1][0] + self.config.output.interval * (1 - 1e-9)
+            return [step.state.t]
+        after = max(self.frame_times[-1][0], self._begins_after)
+        return list(due_times(after, step.state.t, self.config.output.interval))
 
     def save(self, step: Step) -> None:
-        """Write frame, time series and checkpoint of the latest step."""
+        """Write row, frame and checkpoint of the latest step, unless they have been written."""
+        if not self.rows or self.rows[-1]["step"] < step.number:
+            self.append(step)
+        if not self.frame_times or self.frame_times[-1][0] < step.state.t:
+            self._write_frame(step)
+        self._checkpoint(step)
+
+    def _write_frame(self, step: Step) -> None:
         name = _frame_name(len(self.frame_times))
         (self.folder / "frames").mkdir(exist_ok=True)
         write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, step))
         self.frame_times.append((step.state.t, name))
-        write_text(self.folder / "frames.pvd", _collection(self.frames()))
-        write_text(self.folder / "timeseries.csv", _table(self.rows))
-        checkpoint = Checkpoint(self.given, step, tuple(t for t, _ in self.frame_times))
+        self._times.append(step.state.t)
+        entry = _entry(step.state.t, name)
+        self._collection.extend(entry, lambda: _collection(self.frames()))
+
+    def _checkpoint(self, step: Step) -> None:
+        new = self.rows[self._rows_written :]
+        self._table.extend(_lines(new), lambda: _table(tuple(self.units), self.rows))
+        self._rows_written = len(self.rows)
+        checkpoint = Checkpoint(self.given, step, self._times)
         path = self.folder / "checkpoint.npz"
         write_atomically(path, lambda p: write_checkpoint(p, checkpoint))
 
@@ -134,21 +187,77 @@ class Run:
             (t, name) for t, name in self.frame_times if (self.folder / "frames" / name).is_file()
         ]
 
+    @contextmanager
+    def failure_recorded(self) -> Iterator[None]:
+        """Note in the manifest that something has ended the run (a full disk, an observable that
+        raises), if that is still possible; the exception goes on."""
+        try:
+            yield
+        except BaseException as error:
+            interrupted = isinstance(error, KeyboardInterrupt)
+            t = self.rows[-1]["t"] if self.rows else 0.0
+            why = "interrupted" if interrupted else str(error) or type(error).__name__
+            with suppress(OSError):
+                self.write_manifest("interrupted" if interrupted else "failed", ended=why, t=t)
+            raise
+
     def write_manifest(self, status: str, **more: Any) -> None:
         """Write manifest.json; `status` is running, finished, interrupted, diverged or failed."""
+        frames = self.frames()
+        if frames:
+            self._collection.write(_collection(frames))
         manifest = {
             "status": status,
             **more,
             "parameters": self.config.parameters.as_dict(),
             **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
             **({} if self.adapted is None else {"initial_shape": self.adapted}),
+            "units": self.units,
             "seed": self.config.initial.seed,
             "versions": installed_versions(),
             "python": platform.python_version(),
             "platform": platform.platform(),
-            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in self.frames()],
+            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in frames],
         }
         write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
+
+
+class _GrowingFile:
+    """A text file of which one end is always the same, written once and then only extended."""
+
+    def __init__(self, path: Path, end: str = "") -> None:
+        self.path, self.end = path, end
+        self._place: int | None = None
+
+    def write(self, text: str) -> None:
+        """Write all of it, atomically; `text` ends with `end`."""
+        self._place = None
+        write_text(self.path, text)
+        self._place = len(text.encode()) - len(self.end.encode())
+
+    def extend(self, text: str, whole: Callable[[], str]) -> None:
+        """Add `text` before the end in one piece; `whole` is what the file shall be after it.
+
+        All of it is written the first time, and where the file is no longer what was written.
+        """
+        place, self._place = self._place, None
+        if place is None or not _has_size(self.path, place + len(self.end.encode())):
+            self.write(whole())
+            return
+        data = text.encode()
+        with self.path.open("r+b", buffering=0) as file:
+            file.seek(place)
+            rest = memoryview(data + self.end.encode())
+            while rest:
+                rest = rest[file.write(rest) or 0 :]
+        self._place = place + len(data)
+
+
+def _has_size(path: Path, size: int) -> bool:
+    try:
+        return path.stat().st_size == size
+    except FileNotFoundError:
+        return False
 
 
 def new_folder(requested: Path | None) -> Path:
@@ -159,9 +268,10 @@ def new_folder(requested: Path | None) -> Path:
     if requested is None:
         return _numbered_folder()
     if requested.exists() and (not requested.is_dir() or any(requested.iterdir())):
+        of_a_run = (requested / "config.toml").is_file()
         raise InvalidInput(
-            f"the output folder must be new or empty, {str(requested)!r} is not; "
-            "choose another with -o, or continue it with --resume"
+            f"the output folder must be new or empty, {str(requested)!r} is not; choose another "
+            f"with -o{', or continue the run in it with --resume' if of_a_run else ''}"
         )
     try:
         requested.mkdir(parents=True, exist_ok=True)
@@ -186,8 +296,12 @@ def _numbered_folder() -> Path:
 def new_run(folder: Path, config: Config, adapted: Adaptation | None = None) -> Run:
     """Start a run in an empty folder; the files that the configuration names are copied into it.
 
-    `adapted`: what was done to a shape from a file, for the manifest.
+    `adapted`: what was done to a shape from a file, for the manifest. Raises InvalidInput, before
+    anything is written, for a law that no file can hold and for observables with the names of other
+    columns.
     """
+    config_to_toml(config)
+    _check_names()
     run = Run(folder, _with_own_files(folder, config))
     run.adapted = None if adapted is None else asdict(adapted)
     run.begin()
@@ -222,27 +336,46 @@ def stored_config(folder: Path) -> Config:
     return config_from_toml(text_of(path), repr(str(path)))
 
 
+def has_checkpoint(folder: Path) -> bool:
+    """Whether the run in a folder has come as far as its first checkpoint."""
+    return (folder / "checkpoint.npz").is_file()
+
+
+def restarted_run(folder: Path, config: Config) -> tuple[Run, Step]:
+    """A stored run that ended before its first checkpoint, and its initial step; writes nothing.
+
+    Raises InvalidInput if `config` is not the one it was begun with.
+    """
+    _check_names()
+    _refuse_changes(resolved(stored_config(folder)), resolved(config))
+    run, first = Run(folder, config), start(anchored(config, folder))
+    run.adapted = None if first.adapted is None else asdict(first.adapted)
+    return run, first
+
+
 def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     """A stored run, ready to go on, and the step it stopped at; writes nothing.
 
     Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
     """
-    path = folder / "checkpoint.npz"
-    if not path.is_file():
+    if not has_checkpoint(folder):
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
+    _check_names()
+    run = Run(folder, config)
     try:
-        saved = read_checkpoint(path)
-        rows = _read_table(folder / "timeseries.csv", saved.step)
+        saved = read_checkpoint(folder / "checkpoint.npz")
+        rows = _read_table(folder / "timeseries.csv", saved.step, tuple(run.units))
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
             f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "
             "frames with --set initial.from_frame=PATH"
         ) from None
     _refuse_changes(resolved(saved.config), resolved(config))
-    run = Run(folder, config)
     run.rows = rows
     run.adapted = _adapted(folder)
     run.frame_times = [(t, _frame_name(count)) for count, t in enumerate(saved.frame_times)]
+    run._times = array("d", saved.frame_times)
+    run._last, run._begins_after = saved.step, saved.step.state.t
     return run, saved.step
 
 
@@ -254,6 +387,17 @@ def _adapted(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError, AttributeError, RecursionError):
         return None
     return adapted if isinstance(adapted, dict) else None
+
+
+def _check_names() -> None:
+    """Raise InvalidInput for an observable that has the name of another column."""
+    for name in (*OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz")):
+        vector = name not in OBSERVABLES
+        if name in STEP_UNITS or (vector and name in OBSERVABLES):
+            raise InvalidInput(
+                f"an observable must have a name of its own, {name!r} is another column of the "
+                "time series; rename it"
+            )
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
@@ -300,7 +444,11 @@ def write_frame(path: Path, step: Step) -> None:
         array.SetName(name)
         surface.GetPointData().AddArray(array)
     surface.GetPointData().SetActiveScalars("c")
-    for name, value in (("t", [state.t]), ("zeta0", [state.zeta0]), ("position", state.position)):
+    for name, value in (
+        ("t", [state.t]),
+        ("zeta0", [state.zeta0]),
+        ("cortex_drag_position", state.position),
+    ):
         array = numpy_to_vtk(np.asarray(value, dtype=float), deep=True)
         array.SetName(name)
         surface.GetFieldData().AddArray(array)
@@ -315,48 +463,58 @@ def _frame_name(count: int) -> str:
     return f"frame_{count:05d}.vtp"
 
 
+_COLLECTION_END = "  </Collection>\n</VTKFile>\n"
+
+
 def _collection(frame_times: list[tuple[float, str]]) -> str:
     """ParaView's list of frames and their times (.pvd)."""
-    rows = [
-        f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"frames/{name}")}/>'
-        for t, name in frame_times
-    ]
-    return "\n".join(
+    return "".join(
         [
-            '<?xml version="1.0"?>',
-            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">',
-            "  <Collection>",
-            *rows,
-            "  </Collection>",
-            "</VTKFile>",
-            "",
+            '<?xml version="1.0"?>\n',
+            '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n',
+            "  <Collection>\n",
+            *(_entry(t, name) for t, name in frame_times),
+            _COLLECTION_END,
         ]
     )
 
 
-def _table(rows: list[dict[str, float]]) -> str:
+def _entry(t: float, name: str) -> str:
+    return f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"frames/{name}")}/>\n'
+
+
+def _table(columns: Sequence[str], rows: Sequence[dict[str, float]]) -> str:
+    return _csv([columns]) + _lines(rows)
+
+
+def _lines(rows: Sequence[dict[str, float]]) -> str:
+    return _csv([list(row.values()) for row in rows])
+
+
+def _csv(lines: Sequence[Sequence[str | float]]) -> str:
     text = io.StringIO()
-    writer = csv.DictWriter(text, COLUMNS, lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
+    csv.writer(text, lineterminator="\n").writerows(lines)
     return text.getvalue()
 
 
-def _read_table(path: Path, last: Step) -> list[dict[str, float]]:
-    """The rows up to a step. Raises InvalidInput unless they are those of its run, OSError."""
-    whole = {"step", "rejected"}
+def _read_table(path: Path, last: Step, columns: Sequence[str]) -> list[dict[str, float]]:
+    """The rows up to a step. Raises InvalidInput unless they are those of its run, OSError.
+
+    What comes after that step is not read: a run that was killed may have left half a row.
+    """
+    rows: list[dict[str, float]] = []
     try:
         with path.open(encoding="utf-8", newline="") as file:
-            names, *table = csv.reader(file, strict=True)
-        if tuple(names) != COLUMNS or any(len(line) != len(COLUMNS) for line in table):
-            raise ValueError(f"its columns are not {', '.join(COLUMNS)}")
-        rows: list[dict[str, float]] = [
-            {k: int(x) if k in whole else float(x) for k, x in zip(COLUMNS, line, strict=True)}
-            for line in table
-        ]
+            table = csv.reader(file, strict=True)
+            _check_columns(next(table, []), columns)
+            for line in table:
+                if len(line) != len(columns):
+                    raise ValueError(f"its columns are not {', '.join(columns)}")
+                rows.append(_row(columns, line))
+                if rows[-1]["step"] == last.number:
+                    break
     except (ValueError, csv.Error) as error:
         raise InvalidInput(f"timeseries.csv must be a table as a run writes it: {error}") from None
-    rows = [row for row in rows if row["step"] <= last.number]
     if not all(math.isfinite(x) for row in rows for x in row.values()):
         raise InvalidInput("timeseries.csv must hold finite numbers")
     if any(a["step"] >= b["step"] or a["t"] >= b["t"] for a, b in itertools.pairwise(rows)):
@@ -364,3 +522,25 @@ def _read_table(path: Path, last: Step) -> list[dict[str, float]]:
     if not rows or (rows[-1]["step"], rows[-1]["t"]) != (last.number, last.state.t):
         raise InvalidInput(f"timeseries.csv lacks step {last.number} of the checkpoint")
     return rows
+
+
+def _row(columns: Sequence[str], line: Sequence[str]) -> dict[str, float]:
+    whole = {"step", "rejected"}
+    return {k: int(x) if k in whole else float(x) for k, x in zip(columns, line, strict=True)}
+
+
+def _check_columns(found: Sequence[str], columns: Sequence[str]) -> None:
+    """Raise ValueError unless a table has the columns that a run would add to."""
+    if tuple(found) == tuple(columns):
+        return
+    missing, unknown = (
+        [c for c in columns if c not in found],
+        [c for c in found if c not in columns],
+    )
+    if found and found[0] == columns[0] and len(set(found)) == len(found) and (missing or unknown):
+        parts = [f"it lacks the observables {', '.join(missing)}"] if missing else []
+        parts += [f"{', '.join(unknown)} is no observable of this program"] if unknown else []
+        detail = f": {' and '.join(parts)}; register the observables that the run began with"
+    else:
+        detail = ""
+    raise ValueError(f"its columns are not {', '.join(columns)}{detail}")

@@ -17,8 +17,8 @@ from amoeboid.theory.coupling import cubic_equations
 from amoeboid.theory.dimensionless import dimensionless_cubic_coefficient
 from amoeboid.theory.flow import (
     Harmonics,
-    deformation_at_high_pressure,
     flow_profile,
+    rho_2_at_high_pressure,
     sphere_velocities,
 )
 from amoeboid.theory.linear import base_tension, critical_speed, growth_rate
@@ -122,12 +122,12 @@ def test_flow_and_deformation_of_second_order():
         printed = -w * a / p.c_r * np.sin(theta) + w * S / G * bent * np.cos(theta) * np.sin(theta)
         assert flow_profile(p, Harmonics(a=a, b=b), theta) == pytest.approx(printed, abs=1e-11)
         rho = 4 * w * p.eta_s * S * bent / (3 * p.delta_P * p.R0**2 * G)
-        assert deformation_at_high_pressure(p, Harmonics(a=a, b=b)) == pytest.approx(rho, rel=1e-6)
+        assert rho_2_at_high_pressure(p, Harmonics(a=a, b=b)) == pytest.approx(rho, rel=1e-6)
     for p in inverse():  # `eq_rho_2_inverse`
         S, G = p.eta_s + p.eta_b, 5 * p.eta_s + 3 * p.eta_b
         bent = 2 * (a / p.c0) ** 2 - 3 * b / p.c0
         rho = 4 * p.v_p0 * p.c_r * p.eta_s * S * bent / (3 * p.c0 * p.delta_P * p.R0**2 * G)
-        assert deformation_at_high_pressure(p, Harmonics(a=a, b=b)) == pytest.approx(rho, rel=1e-6)
+        assert rho_2_at_high_pressure(p, Harmonics(a=a, b=b)) == pytest.approx(rho, rel=1e-6)
 
 
 def test_velocities_of_first_order():

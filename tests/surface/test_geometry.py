@@ -6,10 +6,12 @@ from amoeboid.surface.geometry import (
     area_gradient,
     geometry,
     node_areas,
+    smooth_area,
     volume,
     volume_centroid,
     weighted_area_gradient,
 )
+from amoeboid.surface.mesh import icosphere
 from amoeboid.surface.operators import (
     block_matrix,
     block_product,
@@ -175,3 +177,24 @@ def test_normal_blocks_of_a_projection_are_the_projected_matrix():
         np.einsum("vi,vi->v", g.normals, dense @ (u[:, None] * g.normals)),
         atol=1e-12,
     )
+
+
+def test_area_of_the_smooth_surface_is_of_fourth_order():
+    """Of a sphere and a long ellipsoid, whose polyhedra are of second order."""
+    e = np.sqrt(1 - 1 / 1.5**2)
+    exact = {1.0: 4 * np.pi, 1.5: 2 * np.pi * (1 + 1.5 / e * np.arcsin(e))}
+    for length, wanted in exact.items():
+        errors = []
+        for subdivisions in (2, 3, 4):
+            r, faces = icosphere(subdivisions)
+            errors.append(abs(smooth_area(r * [1, 1, length], faces) / wanted - 1))
+        print(length, errors)
+        assert np.log2(errors[1] / errors[2]) > 3.7
+        assert errors[1] < 2e-5
+
+
+def test_area_of_a_surface_that_is_not_resolved_is_positive():
+    r, faces = icosphere(1)
+    for seed in range(5):
+        torn = r * np.random.default_rng(seed).uniform(0.1, 3.0, (len(r), 1))
+        assert 0.5 * area(torn, faces) <= smooth_area(torn, faces) <= 1.5 * area(torn, faces)

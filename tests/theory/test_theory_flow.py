@@ -6,11 +6,11 @@ import pytest
 from amoeboid.parameters import Parameters
 from amoeboid.theory.flow import (
     Harmonics,
-    deformation,
-    deformation_at_high_pressure,
     flow_potential,
     flow_profile,
     max_retrograde_speed,
+    rho_2,
+    rho_2_at_high_pressure,
     sphere_velocities,
 )
 from amoeboid.theory.linear import driving_slope, finite_pressure_matrix
@@ -92,7 +92,7 @@ def test_deformation_is_the_rest_of_the_shape_equation():
         f2 = float(p.v_p_derivatives(p.c0, 2)[2])
         # d rho_2/dt = 0, with the quadratic part of v_p beside its linear one.
         source = M21 * 0.07 + f2 * 0.2**2 / (3 * p.R0)
-        assert deformation(p, c) == pytest.approx(-source / M22, rel=1e-12)
+        assert rho_2(p, c) == pytest.approx(-source / M22, rel=1e-12)
         assert pytest.approx(float(driving_slope(p)) / p.R0) == M21
 
 
@@ -101,15 +101,15 @@ def test_printed_deformation_is_the_limit_of_high_pressure():
     gaps = []
     for pressure in (1e3, 1e4, 1e5):
         at = p.replace(delta_P=pressure)
-        gaps.append(abs(deformation_at_high_pressure(at, c) / deformation(at, c) - 1))
+        gaps.append(abs(rho_2_at_high_pressure(at, c) / rho_2(at, c) - 1))
     assert np.log10(gaps[0] / gaps[1]) == pytest.approx(1, abs=0.02)
     assert np.log10(gaps[1] / gaps[2]) == pytest.approx(1, abs=0.02)
 
 
 def test_a_shape_that_nothing_holds_is_refused():
     soft = Parameters(delta_P=0.0)
-    assert np.isfinite(deformation(soft, Harmonics(a=0.1)))
+    assert np.isfinite(rho_2(soft, Harmonics(a=0.1)))
     with pytest.raises(InvalidInput, match="nothing holds the shape"):
-        deformation(soft.replace(v_p0=0.0), Harmonics(a=0.1))
+        rho_2(soft.replace(v_p0=0.0), Harmonics(a=0.1))
     with pytest.raises(InvalidInput, match="delta_P must be > 0"):
-        deformation_at_high_pressure(soft, Harmonics(a=0.1))
+        rho_2_at_high_pressure(soft, Harmonics(a=0.1))

@@ -14,7 +14,7 @@ from amoeboid.theory.amplitude import (
 )
 from amoeboid.theory.branch import branch, harmonics, prediction
 from amoeboid.theory.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
-from amoeboid.theory.flow import Harmonics, deformation, flow_modes, flow_potential, flow_profile
+from amoeboid.theory.flow import Harmonics, flow_modes, flow_potential, flow_profile, rho_2
 from amoeboid.theory.linear import (
     critical_pressure,
     critical_speed,
@@ -201,7 +201,7 @@ def test_deformation_is_that_of_the_eliminated_second_harmonic():
     for p in POINTS:
         at = p.replace(v_p0=float(critical_speed(p)))
         c = harmonics(at, 0.1)
-        assert deformation(at, c) == pytest.approx(float(c.rho_2), rel=1e-12)
+        assert rho_2(at, c) == pytest.approx(float(c.rho_2), rel=1e-12)
 
 
 def test_infinite_pressure_is_the_limit_of_high_pressure():

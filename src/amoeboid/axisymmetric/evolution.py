@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.axisymmetric import observables
 from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import grid, resized
@@ -46,7 +47,8 @@ FIRST_STEP, MIN_STEP = 1e-3, 1e-12
 class Instant:
     """The cell at time t: sine coefficients of psi - x and u, cosine coefficients of c; zeta_0.
 
-    `rate` is the scaled rate of change of the state [1/time], zero when it is steady.
+    u is the tangential velocity in the frame in which the center of volume rests. `rate` is the
+    scaled rate of change of the state [1/time], zero when it is steady.
     """
 
     parameters: Parameters
@@ -62,18 +64,18 @@ class Instant:
 
     @property
     def max_retrograde_speed(self) -> float:
-        """Maximum of the tangential velocity over the surface [length/time]."""
+        """Maximum of |u| over the surface [length/time]."""
         return series_maximum(self.u)
 
     @property
     def c_front(self) -> float:
-        """c at the pole of low concentration."""
-        return float(min(self.c.sum(), (self.c * (-1.0) ** np.arange(self.n)).sum()))
+        """Lowest c on the surface [1/length^2]."""
+        return observables.cosine_extrema(self.c)[0]
 
     @property
     def c_rear(self) -> float:
-        """c at the pole of high concentration."""
-        return float(max(self.c.sum(), (self.c * (-1.0) ** np.arange(self.n)).sum()))
+        """Highest c on the surface [1/length^2]."""
+        return observables.cosine_extrema(self.c)[1]
 
     @property
     def shape(self) -> Shape:
@@ -206,12 +208,14 @@ class Dynamics:
 
     def instant(self, t: float, y: Array) -> Instant:
         """The cell at a state y."""
-        here, _, coefficients = self.closed(y)
-        n = self.n
-        q = self._velocities((here, grid(n).even_values @ y[n - 2 :], coefficients))
+        here, c, coefficients = self.closed(y)
+        n, g = self.n, grid(self.n)
+        q = self._velocities((here, c, coefficients))
+        V = g.even_values @ q[n : 2 * n] + speed(c, self.point)
+        u = g.to_odd @ observables.retrograde_flow(here, g.odd_values @ q[:n], V)
         rate = float(np.sqrt(np.mean((self.rate(y) / self.scales()) ** 2)))
         return Instant(
-            self.parameters, t, n, y, coefficients, q[:n], y[n - 2 :],
+            self.parameters, t, n, y, coefficients, u, y[n - 2 :],
             float(here.scale[0]), float(q[2 * n]), rate,
         )  # fmt: skip
 

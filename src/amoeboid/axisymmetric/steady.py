@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.axisymmetric import observables
 from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
@@ -218,13 +219,44 @@ class SteadyState:
 
     @property
     def c_front(self) -> float:
-        """c at the pole of low concentration [1/length^2]."""
-        return float(self.concentration(np.array([0.0, np.pi])).min())
+        """Lowest c on the surface [1/length^2]; at the front pole of a polarized cell."""
+        return observables.cosine_extrema(split(self.x, self.n)[2])[0]
 
     @property
     def c_rear(self) -> float:
-        """c at the pole of high concentration [1/length^2]."""
-        return float(self.concentration(np.array([0.0, np.pi])).max())
+        """Highest c on the surface [1/length^2]; at the rear pole of a polarized cell."""
+        return observables.cosine_extrema(split(self.x, self.n)[2])[1]
+
+    @property
+    def filament_number(self) -> float:
+        """Total number of filaments, the integral of c over the surface [1]."""
+        return observables.integral(self.shape, self._c)
+
+    @property
+    def polarity(self) -> float:
+        """|integral of c r dA| / (R0 integral of c dA), about the center of volume."""
+        return observables.polarity(self.shape, self._c, self.parameters.R0)
+
+    @property
+    def reduced_volume(self) -> float:
+        """Volume over that of the sphere of radius R0."""
+        return observables.reduced_volume(self.shape, self.parameters.R0)
+
+    @property
+    def area_error(self) -> float:
+        """|A/A0 - 1|."""
+        return abs(float(self.shape.area[0]) / (4.0 * np.pi * self.parameters.R0**2) - 1.0)
+
+    @property
+    def cortex_drag_speed(self) -> float:
+        """Speed if all drag is on the cortex, uniformly; `observables.cortex_drag_speed`."""
+        u = fields_of(self.x, self.n).u
+        v_p = self.parameters.v_p(self._c)
+        return observables.cortex_drag_speed(self.shape, u, np.zeros(self.n), v_p)
+
+    @property
+    def _c(self) -> Array:
+        return fields_of(self.x, self.n).c
 
     def position(self, x: Array) -> tuple[Array, Array]:
         """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""

@@ -6,8 +6,8 @@ import argparse
 import math
 import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +73,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
-    with _failure_recorded(run):
+    with run.failure_recorded():
         last, status, why = _simulate(run, first)
         summary = _summary(run, last, time.perf_counter() - began)
         run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
@@ -96,8 +96,36 @@ def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
         "wall_s": round(wall_s, 3),
         "steady": last.steady,
         "growth_rate": last.growth,
+        "rate_of_change": last.rate * last.model.rate,
+        "speed_growth": _speed_growth(run.rows, 1.0 / last.model.rate),
         "output": str(run.folder),
     }
+
+
+def _speed_growth(rows: Sequence[dict[str, float]], unit: float) -> float | None:
+    """Relative growth of max_retrograde_speed at the end [1/T], None for a cell without flow.
+
+    Over the last half of a unit of time: the last step may be too short to tell.
+    """
+    last = rows[-1]
+    first = next((row for row in reversed(rows) if row["t"] <= last["t"] - 0.5 * unit), rows[0])
+    a, b = (row["max_retrograde_speed"] for row in (first, last))
+    if min(a, b) <= 0.0 or not last["t"] > first["t"]:
+        return None
+    return math.log(b / a) / (last["t"] - first["t"])
+
+
+def _change(summary: dict[str, Any], why: str, t: float) -> str:
+    """How fast a cell that is not steady changes, and how to follow it further."""
+    text = f"shape or concentration changes by {100 * summary['rate_of_change']:.3g} %"
+    growth = summary["speed_growth"]
+    if growth is not None:
+        word = "grows" if growth > 0 else "falls"
+        text += f", max_retrograde_speed {word} by {100 * abs(growth):.3g} %"
+    text += " per unit of time"
+    if why == "end of time":
+        text += f"; to go on: amoeboid run --resume {summary['output']} --set time.end={2 * t:g}"
+    return text
 
 
 def _started(args: argparse.Namespace) -> tuple[Run, Step]:
@@ -122,13 +150,19 @@ def _tell_adaptation(first: Step, as_json: bool) -> None:
         return
     scaling = None if as_json else first.adapted.scaling
     for text in (*first.adapted.repairs, *([scaling] if scaling else [])):
-        print(f"amoeboid run: initial shape: {text}", file=sys.stderr)
+        tell("run", f"initial shape: {text}")
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.store import resumed_run, stored_config
+    from amoeboid.store import has_checkpoint, restarted_run, resumed_run, stored_config
 
     config = with_settings(stored_config(args.resume), args.settings)
+    if not has_checkpoint(args.resume):
+        run, first = restarted_run(args.resume, config)
+        ended = f"the run in {args.resume} had ended before its first checkpoint: it begins anew"
+        tell("run", ended)
+        run.begin()
+        return run, first
     run, first = resumed_run(args.resume, config)
     if first.steady and config.time.stop_when_steady:
         raise InvalidInput(
@@ -151,36 +185,18 @@ def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
 
     last, status, why = first, "finished", ""
     if not run.frame_times:
-        run.append(first)
-        run.save(first)
+        run.take(first)
     try:
         with _interruptible() as interruption, _progress(run) as report:
             for step in evolve(first, run.config.time, [interruption]):
                 last, why = step, step.ended or ""
-                if run.row_due(step):
-                    report(run.append(step))
-                if run.frame_due(step):
-                    run.save(step)
+                report(run.take(step))
     except Diverged as error:
         status, why = "diverged", str(error)
     if why == INTERRUPTION:
         status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
-    if run.frame_times[-1][0] < last.state.t:
-        if run.rows[-1]["step"] < last.number:
-            run.append(last)
-        run.save(last)
+    run.save(last)
     return last, status, why
-
-
-@contextmanager
-def _failure_recorded(run: Run) -> Iterator[None]:
-    """Note in the folder that its disk was full, or the like, if that is still possible."""
-    try:
-        yield
-    except OSError as error:
-        with suppress(OSError):
-            run.write_manifest("failed", ended=str(error), t=run.rows[-1]["t"])
-        raise
 
 
 @contextmanager
@@ -213,8 +229,8 @@ def _progress(run: Run) -> Iterator[Any]:
 
     with shown_line() as show:
 
-        def report(row: dict[str, float]) -> None:
-            if show is None:
+        def report(row: dict[str, float] | None) -> None:
+            if show is None or row is None:
                 return
             done = max(row["t"] - start, 0.0) / (end - start)
             left = (time.monotonic() - began) * (1.0 / done - 1.0) if done > 0.0 else math.inf
@@ -241,8 +257,10 @@ def _duration(seconds: float) -> str:
 def _draw(run: Run, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
+    from amoeboid.store import POSITION
 
-    times, positions = [row["t"] for row in run.rows], [[row[k] for k in "xyz"] for row in run.rows]
+    times = [row["t"] for row in run.rows]
+    positions = [[row[k] for k in POSITION] for row in run.rows]
     R0 = last.model.parameters.R0
     drawn("run", run.folder / "cell.png", lambda path: save_cell_picture(path, last))
     drawn(
@@ -272,16 +290,21 @@ def _stability(last: Step) -> str:
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
+    from amoeboid.observables import UNITS
+
     meanings = {
-        "max_retrograde_speed": "fastest flow along the surface, front to rear",
+        "max_retrograde_speed": "fastest flow along the surface",
         "c_front": "filament concentration at the front",
         "c_rear": "filament concentration at the rear",
         "zeta0": "membrane tension",
         "area_error": "relative change of the membrane area",
     }
-    rows = [(name, number(summary[name]), meaning) for name, meaning in meanings.items()]
-    say(*table(("", "", ""), rows, "<<<", width()))
+    units = {name: "" if UNITS[name] == "1" else UNITS[name] for name in meanings}
+    rows = [(name, number(summary[name]), units[name], meanings[name]) for name in meanings]
+    say(*table(("", "", "", ""), rows, "<<<<", width()))
     say(_stability(last))
+    if last.rest is None:
+        say(_change(summary, why, last.state.t))
     t, wall = number(last.state.t, 4), number(summary["wall_s"], 3)
     say(f"{why} at t = {t}, {summary['steps']} steps, {wall} s")
     say(f"output in {summary['output']}: cell.png, frames.pvd (ParaView), timeseries.csv")

@@ -122,7 +122,7 @@ def _result(s: Summary) -> dict[str, Any]:
                 if predicted.next_order.exists
                 else None,
                 "relative_error": float(predicted.relative_error),
-                "rho_2": s.weakly.deformation,
+                "rho_2": s.weakly.rho_2,
             }
     return result
 
@@ -160,7 +160,7 @@ ROWS = (
     ("max_retrograde_speed_at_v_p0", "... with the prefactor at v_p0"),
     ("max_retrograde_speed_next_order", "... by the next order"),
     ("relative_error", "estimated relative error of the cubic speed"),
-    ("rho_2", "deformation rho_2"),
+    ("rho_2", "shape coefficient rho_2, r = R0 (1 + rho_2 P_2)"),
     ("max_retrograde_speed", "predicted max_retrograde_speed"),
 )
 

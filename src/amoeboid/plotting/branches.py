@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
+from dataclasses import fields
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -12,9 +14,12 @@ import numpy as np
 from amoeboid.axisymmetric.branches import Branch, BranchPoint
 from amoeboid.axisymmetric.phase_diagram import REGIONS, PhaseDiagram
 from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.parameters import Parameters
 from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 STABLE, UNSTABLE, MARK, EDGE = "#0b6e99", "#c8553d", "#222222", "#6b4fa0"
+CONCENTRATION = "filament concentration $c$"
+UNITS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "unit" in f.metadata}
 REGION_COLORS = ("#f2f2f2", "#8fc1d9", "#f3d38c", "#e3a79b", "#bbbbbb")
 
 
@@ -34,19 +39,26 @@ def draw_states(states: Sequence[tuple[SteadyState, bool]], path: Path) -> None:
         image = _outline(axes, state, highest)
         word = "stable" if stable else "unstable"
         axes.set_title(
-            f"$v_0$ = {state.max_retrograde_speed:.4g}, {word}",
+            f"$v_0$ = {state.max_retrograde_speed:.4g} {_in('L/T')}, {word}",
             fontsize=10,
             color=STABLE if stable else UNSTABLE,
         )
-    figure.colorbar(image, ax=outlines, label="filament concentration c", shrink=0.85)
-    below: Any = None
+    figure.colorbar(image, ax=outlines, label=f"{CONCENTRATION} {_in('N/L^2')}", shrink=0.85)
+    fastest = max(s.max_retrograde_speed for s, _ in states)
     for k, (state, _) in enumerate(states):
-        below = figure.add_subplot(grid[1, k], sharey=below)
-        _profile(below, state)
+        below = figure.add_subplot(grid[1, k])
+        beside = below.twinx()
+        _profile(below, beside, state)
+        below.set_ylim(0.0, 1.05 * highest)
+        beside.set_ylim(0.0, 1.05 * fastest if fastest > 0 else 1.0)
         if k == 0:
-            below.set_ylabel("c, retrograde flow |u|")
-            below.legend(frameon=False)
-            below.set_ylim(0.0, 1.05 * max(highest, *(s.max_retrograde_speed for s, _ in states)))
+            below.set_ylabel(f"{CONCENTRATION} {_in('N/L^2')}", color=STABLE)
+        else:
+            below.tick_params(labelleft=False)
+        if k == len(states) - 1:
+            beside.set_ylabel(f"retrograde flow $|u|$ {_in('L/T')}", color=UNSTABLE)
+        else:
+            beside.tick_params(labelright=False)
     write_figure(figure, path, dpi=150)
 
 
@@ -62,19 +74,24 @@ def _outline(axes: Any, state: SteadyState, highest: float) -> Any:
     radius = state.parameters.R0
     angle = np.linspace(0, 2 * np.pi, 200)
     axes.plot(radius * np.sin(angle), radius * np.cos(angle), ":", color="0.6", lw=0.8)
+    low = 1.15 * min(-radius, float(np.min(z)))
+    axes.plot([0.0, radius], [low, low], color=MARK, lw=2)
+    text = f"$R_0$ = {radius:.4g} {_in('L')}"
+    axes.text(0.5 * radius, low - 0.05 * radius, text, ha="center", va="top", fontsize=8)
+    axes.set_ylim(bottom=low - 0.3 * radius)
     axes.set_aspect("equal")
     axes.set_axis_off()
     return image
 
 
-def _profile(axes: Any, state: SteadyState) -> None:
+def _profile(axes: Any, beside: Any, state: SteadyState) -> None:
     x = np.linspace(0.0, np.pi, 300)
     c, u = state.concentration(x), np.abs(state.flow(x))
     if c[0] > c[-1]:
         c, u = c[::-1], u[::-1]
-    axes.plot(x / np.pi, c, color=STABLE, label="c")
-    axes.plot(x / np.pi, u, color=UNSTABLE, ls="--", label="|u|")
-    axes.set_xlabel("arclength, front to rear")
+    axes.plot(x / np.pi, c, color=STABLE)
+    beside.plot(x / np.pi, u, color=UNSTABLE, ls="--")
+    axes.set_xlabel("arclength from front to rear,\nas a share of the whole", fontsize=9)
     axes.grid(alpha=0.25)
 
 
@@ -96,7 +113,7 @@ def draw_branch(branch: Branch, path: Path) -> None:
     _markers(axes, branch)
     axes.axhline(0.0, color="0.5", lw=0.8, label="homogeneous sphere")
     axes.set_xlabel(_label(branch.name))
-    axes.set_ylabel("maximal retrograde speed $v_0$")
+    axes.set_ylabel(f"maximal retrograde speed $v_0$ {_in('L/T')}")
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, fontsize=9)
     write_figure(figure, path, dpi=150)
@@ -178,11 +195,20 @@ def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
 
 def _label(name: str) -> str:
     symbols = {
-        "v_p0": "polymerization speed $v_p^0$",
-        "D": "diffusion coefficient $D$",
+        "R0": "radius $R_0$",
         "delta_P": r"pressure difference $\Delta P$",
-        "beta": r"turnover rate $\beta$",
-        "alpha": r"elastic resistance $\alpha$",
+        "eta_s": r"shear viscosity $\eta_s$",
+        "eta_b": r"bulk viscosity $\eta_b$",
         "c0": "homeostatic concentration $c_0$",
+        "c_r": "reference concentration $c_r$",
+        "beta": r"turnover rate $\beta$",
+        "D": "diffusion coefficient $D$",
+        "v_p0": "polymerization speed $v_p^0$",
+        "alpha": r"elastic resistance $\alpha$",
     }
-    return symbols.get(name, name)
+    return f"{symbols.get(name, name)} {_in(UNITS[name])}" if name in UNITS else name
+
+
+def _in(unit: str) -> str:
+    """A dimension as in docs/notation.md, for the label of an axis."""
+    return "[" + re.sub(r"\^([0-9]+)", r"$^{\1}$", unit) + "]"

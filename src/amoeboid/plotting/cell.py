@@ -1,7 +1,8 @@
 """A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D).
 
-It is drawn by VTK in a process of its own: without the libraries of a screen, or with those of a
-screen that is not there, VTK ends the program.
+With a scale bar, the time, and the arrow that stands for the fastest flow. It is drawn by VTK in a
+process of its own: without the libraries of a screen, or with those of a screen that is not there,
+VTK ends the program.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class NoPicture(RuntimeError):
 
 
 def save_cell_picture(path: Path, step: Step) -> None:
-    """Render the cell of `step` to a PNG file: migration to the left, seen from the side.
+    """Render the cell of `step` to a PNG file: front to the left, seen from the side.
 
     Raises NoPicture where VTK cannot draw, and OSError.
     """
@@ -57,6 +58,7 @@ def _scene(step: Step) -> dict[str, Any]:
         "polarization": polarization(model, state),
         "R0": R0,
         "c0": model.parameters.c0,
+        "t": state.t,
         "fastest": fastest,
         "moving": fastest > MIN_FLOW * model.rate * R0,
     }

@@ -2,7 +2,7 @@
 
 Argument: the PNG file to write. Standard input: an .npz archive, `r` (V, 3) about the centroid,
 `faces` (F, 3), `c` (V,), `normals` (V, 3), `flow` (V, 3) the retrograde flow, `polarization` (3,),
-and the numbers `R0`, `c0`, `fastest` (of the flow) and `moving` (whether that is a motion).
+and the numbers `R0`, `c0`, `t`, `fastest` (of the flow) and `moving` (whether that is a motion).
 """
 
 from __future__ import annotations
@@ -18,9 +18,12 @@ Array = NDArray[np.float64]
 Scene = dict[str, NDArray[Any]]
 
 COLOR_MAP = "YlGnBu"
-INK = "#1b1b1b"
+INK, FRONT = "#1b1b1b", "#c2410c"
 ARROWS = 170
 WINDOW = (1500, 1100)
+ARROW = 0.34  # length of the arrow of the fastest flow in units of R0
+FONT_SIZE = 26
+DISTANCE = 6.01  # of the viewer, in units of the size of the cell
 
 
 def main(path: str) -> None:
@@ -48,7 +51,7 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
     surface = pv.PolyData.from_regular_faces(x, scene["faces"])
     surface.point_data["c"] = scene["c"]
     bar: dict[str, Any] = {
-        "title": "filament concentration c",
+        "title": "filament concentration c [N/L^2]",
         "color": INK,
         "fmt": "%.4g",
         "vertical": False,
@@ -71,6 +74,7 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
         scalar_bar_args=bar,
     )
 
+    fastest = float(scene["fastest"])
     if moving:
         chosen = _spread_out(x, ARROWS)
         points = pv.PolyData((x + 0.02 * R0 * scene["normals"])[chosen])
@@ -78,27 +82,74 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
         arrows = points.glyph(
             orient="flow",
             scale="flow",
-            factor=0.34 * R0 / float(scene["fastest"]),
+            factor=ARROW * R0 / fastest,
             geom=pv.Arrow(shaft_radius=0.04),
         )
         plotter.add_mesh(arrows, color=INK)
         start = (np.min(x @ rear) - 0.12 * R0) * rear
-        migration = pv.Arrow(
+        front = pv.Arrow(
             start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
         )
-        plotter.add_mesh(migration, color="#c2410c")
-        plotter.add_point_labels(
-            [(start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear))],
-            ["migration"],
-            text_color="#c2410c",
-            font_size=30,
-            shape=None,
-            show_points=False,
-            always_visible=True,
-            justification_horizontal="center",
-        )
+        plotter.add_mesh(front, color=FRONT)
+        _label(plotter, start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear), "front", FRONT)
     size = max(R0, float(np.linalg.norm(x, axis=1).max()))
+    _add_scale(plotter, rear, side, size, R0, fastest if moving else None)
+    time = f"t = {float(scene['t']):.4g} [T]"
+    plotter.add_text(
+        time, position=(0.03, 0.93), font_size=FONT_SIZE // 2, color=INK, viewport=True
+    )
     _aim(plotter, rear, side, size, 0.3 if moving else 0.0)
+
+
+def _add_scale(
+    plotter: Any, rear: Array, side: Array, size: float, R0: float, fastest: float | None
+) -> None:
+    """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
+    import pyvista as pv
+
+    above, sight = np.cross(side, rear), _sight(rear, side)
+    right = np.cross(above, sight)
+    right /= np.linalg.norm(right)
+    up = np.cross(sight, right)
+    # both face the viewer, as far away as the center of the cell
+    length = _round_length(0.6 * R0)
+    end = size * (1.45 * right + 1.0 * up)
+    bar = pv.Line(end - length * right, end).tube(radius=0.015 * R0)
+    plotter.add_mesh(bar, color=INK, ambient=1.0, diffuse=0.0)
+    _label(plotter, end - 0.5 * length * right - 0.14 * size * up, f"{length:g} [L]", INK)
+    if fastest is not None:
+        begin = size * (-1.5 * right - 0.65 * up)
+        arrow = pv.Arrow(
+            start=begin, direction=right, scale=ARROW * R0, shaft_radius=0.04, tip_length=0.25
+        )
+        plotter.add_mesh(arrow, color=INK)
+        place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
+        _label(plotter, place, f"{fastest:.3g} [L/T]", INK)
+
+
+def _round_length(longest: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
+    power = 10.0 ** np.floor(np.log10(longest))
+    return float(max(k for k in (1.0, 2.0, 5.0) if k * power <= longest) * power)
+
+
+def _sight(rear: Array, side: Array) -> Array:
+    """Unit vector towards the viewer, who looks a little from above and from behind."""
+    sight = side + 0.25 * np.cross(side, rear) + 0.3 * rear
+    return np.asarray(sight / np.linalg.norm(sight))
+
+
+def _label(plotter: Any, place: Array, text: str, color: str) -> None:
+    plotter.add_point_labels(
+        [place],
+        [text],
+        text_color=color,
+        font_size=FONT_SIZE,
+        shape=None,
+        show_points=False,
+        always_visible=True,
+        justification_horizontal="center",
+    )
 
 
 def _color_limits(c: Array, c0: float) -> tuple[float, float]:
@@ -133,7 +184,7 @@ def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
 def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> None:
     focus = -lead * size * rear
     above = np.cross(side, rear)
-    eye = focus + 5.6 * size * (side + 0.25 * above + 0.3 * rear)
+    eye = focus + DISTANCE * size * _sight(rear, side)
     plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
     plotter.camera.view_angle = 26.0
 

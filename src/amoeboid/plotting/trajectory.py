@@ -1,4 +1,4 @@
-"""The way of a cell in the laboratory, in the plane that holds most of it and across that plane."""
+"""The way of a cell with all drag on its cortex, in the plane that holds most of it and across."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 Array = NDArray[np.float64]
 
-LEAST_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
+MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
 INK, MUTED = "#1b1b1b", "#7a7a7a"
 
 
@@ -19,10 +19,11 @@ INK, MUTED = "#1b1b1b", "#7a7a7a"
 def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, R0: float) -> bool:
     """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
 
-    Axes: the principal axes of the way, the longest first; the unit is R0.
+    Positions are those of `State.position`: drag on the cortex alone. Axes: the principal axes of
+    the way, the longest first; the unit is R0.
     """
     t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
-    if np.linalg.norm(x - x[0], axis=1).max() < LEAST_WAY:
+    if np.linalg.norm(x - x[0], axis=1).max() < MIN_WAY:
         return False
     way = along_principal_axes(x)
     figure = new_figure(9.6, 4.6)
@@ -35,10 +36,13 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
         axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(title, fontsize=10, color=INK)
-        axes.set_xlabel("first principal axis / $R_0$")
-        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis / $R_0$")
+        axes.set_xlabel("first principal axis [$R_0$]")
+        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis [$R_0$]")
     if shown is not None:
-        figure.colorbar(shown, ax=[first, second], label="time t (dot: start)")
+        figure.colorbar(shown, ax=[first, second], label="time t [T] (dot: start)")
+    figure.suptitle(
+        "way of the cell if all drag is on its cortex, uniformly", fontsize=11, color=INK
+    )
     write_figure(figure, path, dpi=110)
     return True
 

@@ -17,6 +17,11 @@ from amoeboid.surface.mesh import Index
 Array = NDArray[np.float64]
 
 
+# Where the normals at the corners of a triangle and its own are farther apart than this cosine, or
+# the surface above it has more or less area by more than this share, no surface is resolved.
+MIN_COSINE, MAX_LACKING = 0.5, 0.5
+
+
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """What one shape gives to all operators.
@@ -97,6 +102,27 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
         for d in range(3):
             normals[v, d] /= length
     return areas, face_normals, gradients, node_areas, dual_areas, normals
+
+
+def smooth_area(r: Array, faces: Index) -> float:
+    """Area of the smooth surface through the nodes r [length^2], to fourth order in edge lengths.
+
+    Its height h above a triangle is the quadratic that vanishes at the corners and has the slopes
+    of the normals there. The triangles have less area by the integral of h H - |grad h|^2/2, the
+    variation of the area to second order; where that is much, the mesh resolves no surface.
+    """
+    g = geometry(r, faces)
+    normals = g.normals[faces]
+    along = np.einsum("fad,fd->fa", normals, g.face_normals)
+    slopes = g.face_normals[:, None, :] - normals / np.maximum(along, MIN_COSINE)[:, :, None]
+    edges = np.roll(r[faces], -1, axis=1) - r[faces]
+    middles = np.einsum("fad,fad->fa", slopes - np.roll(slopes, -1, axis=1), edges) / 8.0
+    curvature_sum = -np.einsum("fad,fad->f", slopes, g.gradients)
+    total = slopes.sum(axis=1)
+    # the mean over a triangle of the square of what is linear
+    squares = (np.einsum("fd,fd->f", total, total) + np.einsum("fad,fad->f", slopes, slopes)) / 12.0
+    lacking = curvature_sum * middles.mean(axis=1) - 0.5 * squares
+    return float(g.face_areas @ (1.0 + np.clip(lacking, -MAX_LACKING, MAX_LACKING)))
 
 
 def area_centroid(r: Array, g: Geometry) -> Array:

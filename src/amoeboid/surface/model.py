@@ -83,8 +83,8 @@ class Model:
 class State:
     """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
 
-    The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has
-    come in the laboratory frame, where the cortex as a whole rests (zero mean cortex velocity).
+    The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has come
+    if all drag is on the cortex, uniformly: in the frame where the mean cortex velocity vanishes.
     """
 
     t: float

@@ -248,7 +248,7 @@ def _concentration(
 
 
 def _position(model: Model, past: Sequence[State], t: float, r: Array, flow: Flow) -> Array:
-    """Where the cell is in the laboratory frame, in which the mean cortex velocity vanishes."""
+    """Where the cell is in the frame in which the mean cortex velocity vanishes."""
     faces, scheme = model.mesh.faces, backward_difference([state.t for state in past], t)
     frames = [state.position - volume_centroid(state.r, faces) for state in past]
     mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()

@@ -133,7 +133,7 @@ def max_retrograde_speed(p: Points, c: Harmonics) -> Array:
 
 
 @finite_result
-def deformation(p: Points, c: Harmonics) -> Array:
+def rho_2(p: Points, c: Harmonics) -> Array:
     """Steady rho_2 in r = R0 (1 + rho_2 P_2) at delta_P of p [1]; SI `eq_rho_2` generalized.
 
     The printed form is the leading order in 1/delta_P; this one holds at any delta_P, to second
@@ -143,7 +143,7 @@ def deformation(p: Points, c: Harmonics) -> Array:
 
 
 @finite_result
-def deformation_at_high_pressure(p: Points, c: Harmonics) -> Array:
+def rho_2_at_high_pressure(p: Points, c: Harmonics) -> Array:
     """rho_2 to leading order in 1/delta_P, as SI `eq_rho_2` and `eq_rho_2_inverse` print it [1].
 
     Raises InvalidInput where delta_P = 0.

@@ -9,7 +9,7 @@ import numpy as np
 from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import bifurcation, normal_form_at_infinite_pressure
 from amoeboid.theory.branch import Prediction, harmonics, prediction, trusted_distance
-from amoeboid.theory.flow import deformation
+from amoeboid.theory.flow import rho_2
 from amoeboid.theory.linear import (
     FirstMode,
     Thresholds,
@@ -35,7 +35,7 @@ class Weakly:
     bifurcation: str
     delta_P_star: float
     prediction: Prediction
-    deformation: float | None
+    rho_2: float | None
     trusted_distance: float
 
 
@@ -107,20 +107,20 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
             bifurcation=str(bifurcation(p)),
             delta_P_star=float(critical_pressure(p)),
             prediction=predicted,
-            deformation=_deformation(p, predicted),
+            rho_2=_rho_2(p, predicted),
             trusted_distance=float(trusted_distance(p)),
         ),
         notes,
     )
 
 
-def _deformation(p: Parameters, predicted: Prediction) -> float | None:
+def _rho_2(p: Parameters, predicted: Prediction) -> float | None:
     """rho_2 of the polarized state, None where there is no such state or nothing holds a shape."""
     try:
-        rho_2 = deformation(p, harmonics(p, predicted.state.amplitude))
+        found = rho_2(p, harmonics(p, predicted.state.amplitude))
     except InvalidInput:
         return None
-    return float(rho_2) if predicted.state.exists else None
+    return float(found) if predicted.state.exists else None
 
 
 def _speed(v_p0: float, lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[str]]:

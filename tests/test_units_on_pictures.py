@@ -1,0 +1,102 @@
+"""Pictures say what they show in which unit, how large it is and when."""
+
+import re
+
+import numpy as np
+import pytest
+import pyvista as pv
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
+from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.parameters import Parameters
+from amoeboid.plotting import branches, cell, cell_process
+from amoeboid.plotting.trajectory import save_trajectory_picture
+from amoeboid.simulation import evolve, start
+
+UNIT = re.compile(r"\[[^]]+\]")
+
+
+@pytest.fixture
+def figures(monkeypatch):
+    """The figures that are saved."""
+    saved, save = [], Figure.savefig
+    monkeypatch.setattr(
+        Figure, "savefig", lambda self, *a, **k: (saved.append(self), save(self, *a, **k))[1]
+    )
+    return saved
+
+
+def axes_without_unit(figure):
+    """Labels of the axes and color bars that show numbers but no unit."""
+    figure.canvas.draw()
+    found = []
+    for axes in figure.axes:
+        if axes.axison:
+            for axis in (axes.xaxis, axes.yaxis):
+                shown = [
+                    tick
+                    for tick in axis.get_major_ticks()
+                    if (tick.label1.get_visible() and tick.label1.get_text())
+                    or (tick.label2.get_visible() and tick.label2.get_text())
+                ]
+                text = axis.get_label_text()
+                if shown and not UNIT.search(text) and "as a share of" not in text:
+                    found.append(text)
+    return found
+
+
+def test_every_axis_and_color_bar_of_a_figure_has_its_unit(figures, tmp_path):
+    p = Parameters(D=0.4, v_p0=6.0)
+    states = [(state, True) for state in steady_states(p, (1,))]
+    branches.draw_states(states, tmp_path / "states.png")
+    branches.draw_branch(branch_from_sphere(p, "v_p0", Window(5.0, 7.0)), tmp_path / "branch.png")
+    t = np.linspace(0.0, 9.0, 50)
+    assert save_trajectory_picture(tmp_path / "way.png", t, np.column_stack([t, t**2, 0 * t]), 1.0)
+    assert [axes_without_unit(figure) for figure in figures] == [[], [], []]
+    texts = [text.get_text() for text in figures[0].findobj() if hasattr(text, "get_text")]
+    assert sum(text.startswith("$R_0$ = 1 [L]") for text in texts) == len(states)
+    way = "".join(text.get_text() for text in figures[2].findobj() if hasattr(text, "get_text"))
+    assert "drag" in way
+    assert "laboratory" not in way
+
+
+def test_the_label_of_a_parameter_has_its_dimension():
+    for name, unit in branches.UNITS.items():
+        label = branches._label(name)
+        assert re.sub(r"\$\^\{(\d+)\}\$", r"^\1", label).endswith(f"[{unit}]")
+        assert not label.startswith(name)
+    assert branches.UNITS.keys() >= {"v_p0", "D", "delta_P", "R0", "alpha"}
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-5])
+def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_path):
+    p = Parameters(R0=scale, D=0.4 * scale**2, v_p0=6.0 * scale, delta_P=300.0 / scale)
+    initial = Initial(perturbation=1.0)
+    *_, last = evolve(start(Config(parameters=p, mesh=Mesh(subdivisions=1), initial=initial)),
+                      Time(end=0.5))  # fmt: skip
+    written = []
+    label = cell_process._label
+    monkeypatch.setattr(
+        cell_process, "_label", lambda plotter, place, text, color: (
+            written.append(text), label(plotter, place, text, color))[1]
+    )  # fmt: skip
+    plotter = pv.Plotter(off_screen=True)
+    cell_process._add_cell(plotter, {k: np.asarray(v) for k, v in cell._scene(last).items()})
+    written.extend(plotter.scalar_bars.keys())
+    written.extend(a.GetInput() for a in plotter.actors.values() if hasattr(a, "GetInput")
+                   and isinstance(a.GetInput(), str))  # fmt: skip
+    plotter.close()
+    cell.save_cell_picture(tmp_path / "cell.png", last)
+    assert "front" in written
+    assert f"{0.5 * scale:g} [L]" in written
+    assert any(text.endswith("[L/T]") for text in written)
+    assert any(text.endswith("[N/L^2]") for text in written)
+    assert "t = 0.5 [T]" in written
+    assert np.ptp(imread(tmp_path / "cell.png")[..., :3]) > 0.5
+
+
+def test_scale_bars_have_round_lengths():
+    found = [cell_process._round_length(x) for x in (0.6, 6.0, 1.99e-6, 1.0, 2.0, 4.9, 5.0, 99.0)]
+    np.testing.assert_allclose(found, [0.5, 5.0, 1e-6, 1.0, 2.0, 2.0, 5.0, 50.0])
