@@ -22,6 +22,7 @@ from amoeboid.numerics.singular import FoldSystem, fold_unknowns
 from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
+from amoeboid.theory.points import infinite_pressure
 from amoeboid.validation import InvalidInput
 
 STEPS = Options(parameter_scale=5.0, max_step=0.2)

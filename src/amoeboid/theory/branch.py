@@ -2,7 +2,8 @@
 
     v_p0 = v_p^c + v_2 a^2 + v_4 a^4 + ...
 
-The paper keeps v_2 (its cubic amplitude equation); v_4 tells where that stops being good.
+The paper keeps v_2 (its cubic amplitude equation); v_4 tells where that stops being good. All of it
+is at delta_P of the points; `infinite_pressure` (points.py) gives the rigid sphere of the paper.
 """
 
 from __future__ import annotations
@@ -19,15 +20,31 @@ from amoeboid.theory.amplitude import (
     cubic_coefficient,
     cubic_coefficient_at_speed,
     eliminated,
+    second_harmonic,
 )
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed
-from amoeboid.theory.linear import critical_slope, critical_speed, driving_slope, growth_rate
+from amoeboid.theory.linear import (
+    critical_slope,
+    critical_speed,
+    driving_slope,
+    growth_rate,
+    slowest_rate,
+)
 from amoeboid.theory.points import AnyPoints, Points, finite_result
 
 # Step, relative to v_p0, of the five-point differences: truncation ~ STEP^4, rounding ~ eps/STEP^2.
 STEP = 1e-3
 # Distances from the threshold, each half the one before, at which the orders are compared.
 HALVINGS = 7
+# Share of what the next order leaves out that counts for the error estimate, and the estimate from
+# which on the theory knows nothing. Both were measured against steady states of the axisymmetric
+# solver (tests/cross/test_theory_against_axisymmetric.py).
+LEFT_OUT = 0.8
+MAX_ESTIMATE = 0.6
+# A cubic speed above this many times the next order's may be any multiple of the true one.
+MAX_EXCESS = 1.5
+# Modes of the sphere that must decay at the threshold for the polarized state to be stable.
+OTHER_MODES = (2, 3, 4, 5, 6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +71,10 @@ class Prediction:
 
     max_retrograde_speed [L/T] has the prefactor at the threshold, max_retrograde_speed_at_v_p0 the
     one at v_p0 (figure 3A, B of the paper). next_order_speed [L/T] comes from v_4 and the flow to
-    third order. relative_error estimates that of the cubic speed: the largest relative distance
-    from the next order on the way there from the threshold (the two curves may cross farther out,
-    which is no sign of accuracy), 1 where the next order has no such state. All are 0 where
-    `state.exists` is false.
+    third order. relative_error bounds |max_retrograde_speed/true - 1| where `in_reach` is true; it
+    is 1 where the theory does not know. Where `in_reach` is false the speeds are no prediction:
+    another mode of the sphere grows as well, or the next order is far below the cubic one. All are 0
+    where `state.exists` is false.
     """
 
     state: SteadyAmplitude
@@ -66,6 +83,7 @@ class Prediction:
     next_order: SteadyAmplitude
     next_order_speed: Array
     relative_error: Array
+    in_reach: Array
 
 
 @finite_result
@@ -88,14 +106,14 @@ def branch(p: Points) -> Branch:
 def steady_amplitude(p: Points) -> SteadyAmplitude:
     """Amplitude of the polarized steady state, a^2 = -lambda_1/nu with nu at the threshold.
 
-    Main text `WNLA`. It exists above a supercritical threshold (stable) and below a subcritical
-    one (unstable, the barrier to the polarized state).
+    Main text `WNLA`. It exists above a supercritical threshold and below a subcritical one (there
+    it is unstable, the barrier to the polarized state). Above the threshold it is stable unless
+    another mode of the sphere grows there already.
     """
-    nu = cubic_coefficient(p)
-    squared = _ratio(-growth_rate(p, 1), nu)
+    squared = _ratio(-growth_rate(p, 1), cubic_coefficient(p))
     exists = squared > 0
     amplitude = np.sqrt(np.where(exists, squared, 0.0))
-    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & (nu < 0))
+    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & _stable(p))
 
 
 @finite_result
@@ -111,19 +129,23 @@ def next_steady_amplitude(p: Points) -> SteadyAmplitude:
     squared = _ratio(2 * distance, b.v_2 + np.copysign(root, b.v_2))
     exists = (discriminant >= 0) & (squared > 0)
     amplitude = np.sqrt(np.where(exists, squared, 0.0))
-    return SteadyAmplitude(
-        amplitude=amplitude, exists=exists, stable=exists & (cubic_coefficient(p) < 0)
-    )
+    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & _stable(p))
 
 
 @finite_result
 def trusted_distance(p: Points, tolerance: float = 0.1) -> Array:
     """How far from v_p^c the cubic amplitude is good to `tolerance`, relatively [L/T].
 
-    |v_p0 - v_p^c| < 2 tolerance v_2^2/|v_4|: there the next order changes a by `tolerance`.
+    |v_p0 - v_p^c| < 2 tolerance v_2^2/|v_4|: there the next order changes a by `tolerance`. Also,
+    where v_4 is small by chance, the decay rate of the second harmonic changes by less than
+    sqrt(tolerance).
     """
     b = branch(p)
-    return np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
+    at = p.at_speed(b.v_p_critical)
+    slope, _ = _speed_derivatives(lambda q: second_harmonic(q).rate_at_rest, at)
+    by_next_order = np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
+    by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(second_harmonic(at).rate_at_rest, slope))
+    return np.minimum(by_next_order, by_harmonic)
 
 
 @finite_result
@@ -170,29 +192,62 @@ def prediction(p: Points) -> Prediction:
     cubic, following = steady_amplitude(p), next_steady_amplitude(p)
     speed = flow_speed_at_threshold(p, cubic.amplitude)
     next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
+    estimate, excess = _on_the_way(p)
+    excessive = (estimate >= MAX_ESTIMATE) & (excess > MAX_EXCESS)
     return Prediction(
         state=cubic,
         max_retrograde_speed=speed,
         max_retrograde_speed_at_v_p0=flow_speed(p, cubic.amplitude),
         next_order=following,
         next_order_speed=next_speed,
-        relative_error=_largest_disagreement(p),
+        relative_error=np.where(estimate < MAX_ESTIMATE, estimate, np.where(cubic.exists, 1.0, 0)),
+        in_reach=~excessive & _others_decay(p),
     )
 
 
-def _largest_disagreement(p: Points) -> Array:
-    """Of the cubic speed with the next order, at geometrically spaced distances up to that of p."""
+def _stable(p: Points) -> Array:
+    """Whether the polarized branch starts upwards and stable."""
+    return (cubic_coefficient(p) < 0) & _others_decay(p.at_speed(critical_speed(p)))
+
+
+def _others_decay(p: Points) -> Array:
+    """Whether every mode of the sphere but the first decays."""
+    return np.all([slowest_rate(p, l) < 0 for l in OTHER_MODES], axis=0)
+
+
+def _on_the_way(p: Points) -> tuple[Array, Array]:
+    """Largest `_judged` at geometrically spaced distances from the threshold up to that of p.
+
+    Cubic and next order may cross farther out, which is no sign of accuracy.
+    """
     critical = critical_speed(p)
     distances = (2.0**-k * (p.v_p0 - critical) for k in range(HALVINGS))
-    return np.max([_disagreement(p.at_speed(critical + d)) for d in distances], axis=0)
+    estimates, excesses = zip(*(_judged(p.at_speed(critical + d)) for d in distances), strict=True)
+    return np.max(estimates, axis=0), np.max(excesses, axis=0)
 
 
-def _disagreement(p: Points) -> Array:
+def _judged(p: Points) -> tuple[Array, Array]:
+    """Estimated relative error of the cubic speed, and its ratio to that of the next order.
+
+    The error is the distance from the next order, and what that leaves out: the third harmonic, the
+    flow beyond the first, and that the second harmonic decays slower the farther the threshold is.
+    """
     cubic, following = steady_amplitude(p), next_steady_amplitude(p)
-    speed = flow_speed_at_threshold(p, cubic.amplitude)
-    next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
-    change = np.abs(_ratio(next_speed - speed, speed))
-    return np.where(cubic.exists & ~following.exists, 1.0, change)
+    carried = harmonics(p, following.amplitude)
+    next_speed = max_retrograde_speed(p, carried)
+    leading = flow_speed_at_threshold(p, following.amplitude)
+    ratio = _ratio(flow_speed_at_threshold(p, cubic.amplitude), next_speed)
+    third = np.abs(_ratio(np.asarray(carried.d), following.amplitude))
+    beyond = np.abs(_ratio(next_speed - leading, leading))
+    left_out = third + beyond + _second_harmonic_change(p) ** 2
+    estimate = np.where(following.exists, np.hypot(ratio - 1, LEFT_OUT * left_out), 1.0)
+    return np.where(cubic.exists, estimate, 0.0), ratio
+
+
+def _second_harmonic_change(p: Points) -> Array:
+    """Relative change of the decay rate of harmonic 2 since the threshold; 1 where it is 0."""
+    at = second_harmonic(p.at_speed(critical_speed(p))).rate_at_rest
+    return np.abs(1 - second_harmonic(p).rate_at_rest / at)
 
 
 def _speed_derivatives(quantity: Callable[[Points], Array], p: Points) -> tuple[Array, Array]:
