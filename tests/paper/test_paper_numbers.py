@@ -45,10 +45,11 @@ class Printed:
 def cell(quantity="critical", **changes):
     """A result for the paper's cell, in um/s."""
     p, scales = to_simulation(changes)
+    rigid = infinite_pressure(p)  # the paper's amplitude equation
     speed = {
         "critical": lambda: critical_speed(p),
-        "at threshold": lambda: prediction(p).max_retrograde_speed,
-        "at v_p0": lambda: prediction(p).max_retrograde_speed_at_v_p0,
+        "at threshold": lambda: prediction(rigid).max_retrograde_speed,
+        "at v_p0": lambda: prediction(rigid).max_retrograde_speed_at_v_p0,
     }[quantity]
     return in_unit(float(speed()), "L/T", scales, "um/s")
 

@@ -170,9 +170,10 @@ def test_the_table_point_is_beyond_the_cubic_theory_and_the_estimate_says_so():
     found = prediction(infinite_pressure(p))
     system, modes = steady_state(p, [1.5, 0.5, 0.1])
     error = float(found.max_retrograde_speed) / system.max_speed(modes) - 1
-    # 24 % too fast with the prefactor at the threshold; the estimate must be of that size.
+    # 24 % too fast with the prefactor at the threshold; the estimate, which must contain the error
+    # at every point of tests/cross, is twice that.
     assert error == pytest.approx(0.24, abs=0.02)
-    assert 0.5 * error < found.relative_error < 2 * error
+    assert error < found.relative_error < 2.2 * error
     assert abs(p.v_p0 - critical_speed(p)) > trusted_distance(p, 0.1)
 
 

@@ -28,7 +28,9 @@ def test_viscosity_ratio_needs_a_bulk_viscosity():
 
 def test_numbers_do_not_depend_on_the_units():
     p = Parameters(D=0.2, alpha=0.0)
-    scaled = p.replace(R0=2.0, D=0.2 * 4 / 3, beta=1 / 3, v_p0=3.8 * 2 / 3, c0=6.0, c_r=2.0)
+    scaled = p.replace(
+        R0=2.0, D=0.2 * 4 / 3, beta=1 / 3, v_p0=3.8 * 2 / 3, c0=6.0, c_r=2.0, delta_P=50.0
+    )
     assert pytest.approx(dimensionless(p).D) == dimensionless(scaled).D
     assert dimensionless(scaled).v_p == pytest.approx(dimensionless(p).v_p)
     assert dimensionless(scaled).c0 == pytest.approx(dimensionless(p).c0)

@@ -1,8 +1,8 @@
 """Whether the sphere polarizes continuously or by a jump, from the steady branch itself.
 
 Near its origin the polarized branch is v_p0 = threshold + k a^2, a the amplitude of cos(x) in c:
-supercritical for k > 0, subcritical (hysteresis) for k < 0. At delta_P -> infinity
-k = -nu/(d lambda_1/d v_p0); here delta_P and the shape are whatever they are.
+supercritical for k > 0, subcritical (hysteresis) for k < 0. k = -nu/(d lambda_1/d v_p0) with the
+closed form nu of amoeboid.theory.amplitude at delta_P; here it is measured on the branch.
 """
 
 from __future__ import annotations

@@ -24,7 +24,10 @@ UNITS = {
     "frequencies_finite_pressure": ("1/T", "1/s"),
     "first_mode_v_p0": ("L/T", "um/s"),
     "nu": ("L^4/(T N^2)", "um^4/s"),
-    "nu_5": ("L^8/(T N^4)", "um^8/s"),
+    "nu_infinite_pressure": ("L^4/(T N^2)", "um^4/s"),
+    "nu_5_infinite_pressure": ("L^8/(T N^4)", "um^8/s"),
+    "m_2": ("L^2/N", "um^2"),
+    "r_2": ("L^4/N^2", "um^4"),
     "amplitude": ("N/L^2", "1/um^2"),
     "max_retrograde_speed": ("L/T", "um/s"),
     "max_retrograde_speed_cubic": ("L/T", "um/s"),
@@ -94,6 +97,7 @@ def _result(s: Summary) -> dict[str, Any]:
             str(degree): abs(pair[0].imag) for degree, pair in s.finite_pressure_rates.items()
         },
         "nu": None,
+        "nu_infinite_pressure": None,
         "bifurcation": None,
         "max_retrograde_speed": s.max_retrograde_speed,
         "delta_P_star": None,
@@ -107,8 +111,12 @@ def _result(s: Summary) -> dict[str, Any]:
         predicted = s.weakly.prediction
         result |= {
             "nu": s.weakly.nu,
-            "nu_5": s.weakly.nu_5,
+            "nu_infinite_pressure": s.weakly.nu_infinite_pressure,
+            "nu_5_infinite_pressure": s.weakly.nu_5_infinite_pressure,
+            "m_2": s.weakly.m_2,
+            "r_2": s.weakly.r_2,
             "bifurcation": s.weakly.bifurcation,
+            "bifurcation_infinite_pressure": s.weakly.bifurcation_infinite_pressure,
             "delta_P_star": s.weakly.delta_P_star,
             "trusted_distance": s.weakly.trusted_distance,
         }
@@ -122,6 +130,7 @@ def _result(s: Summary) -> dict[str, Any]:
                 if predicted.next_order.exists
                 else None,
                 "relative_error": float(predicted.relative_error),
+                "in_reach": bool(predicted.in_reach),
                 "rho_2": s.weakly.rho_2,
             }
     return result
@@ -150,9 +159,13 @@ ROWS = (
     ("first_mode_v_p0", "... at v_p0 ="),
     ("delta_P_star", "delta_P* (l = 2 leads below it)"),
     ("zeta0", "membrane tension zeta_0 at rest"),
-    ("nu", "cubic coefficient nu"),
-    ("nu_5", "fifth-order coefficient"),
-    ("bifurcation", "bifurcation"),
+    ("nu", "cubic coefficient nu at delta_P"),
+    ("bifurcation", "bifurcation at delta_P"),
+    ("m_2", "second harmonic of c per a^2, m_2"),
+    ("r_2", "rho_2 per a^2, r_2"),
+    ("nu_infinite_pressure", "nu for delta_P -> infinity"),
+    ("nu_5_infinite_pressure", "fifth-order coefficient, delta_P -> infinity"),
+    ("bifurcation_infinite_pressure", "bifurcation for delta_P -> infinity"),
     ("trusted_distance", "cubic amplitude good to 10 % within"),
     ("amplitude", "amplitude of the polarized state"),
     ("amplitude_stable", "... is stable"),
@@ -160,6 +173,7 @@ ROWS = (
     ("max_retrograde_speed_at_v_p0", "... with the prefactor at v_p0"),
     ("max_retrograde_speed_next_order", "... by the next order"),
     ("relative_error", "estimated relative error of the cubic speed"),
+    ("in_reach", "... the cubic theory reaches v_p0"),
     ("rho_2", "shape coefficient rho_2, r = R0 (1 + rho_2 P_2)"),
     ("max_retrograde_speed", "predicted max_retrograde_speed"),
 )

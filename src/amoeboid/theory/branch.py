@@ -2,7 +2,8 @@
 
     v_p0 = v_p^c + v_2 a^2 + v_4 a^4 + ...
 
-The paper keeps v_2 (its cubic amplitude equation); v_4 tells where that stops being good.
+The paper keeps v_2 (its cubic amplitude equation); v_4 tells where that stops being good. All of it
+is at delta_P of the points; `infinite_pressure` (points.py) gives the rigid sphere of the paper.
 """
 
 from __future__ import annotations
@@ -15,19 +16,36 @@ from numpy.typing import ArrayLike
 
 from amoeboid.polymerization import Array
 from amoeboid.theory.amplitude import (
+    NormalForm,
     at_threshold,
-    cubic_coefficient,
     cubic_coefficient_at_speed,
     eliminated,
+    second_harmonic,
 )
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed
-from amoeboid.theory.linear import critical_slope, critical_speed, driving_slope, growth_rate
+from amoeboid.theory.linear import (
+    critical_slope,
+    critical_speed,
+    driving_slope,
+    growth_rate,
+    slowest_rate,
+)
 from amoeboid.theory.points import AnyPoints, Points, finite_result
 
 # Step, relative to v_p0, of the five-point differences: truncation ~ STEP^4, rounding ~ eps/STEP^2.
 STEP = 1e-3
 # Distances from the threshold, each half the one before, at which the orders are compared.
 HALVINGS = 7
+# Share of what the next order leaves out that counts for the error estimate, a factor of safety,
+# and the estimate from which on the theory knows nothing. They were measured against steady states
+# of the axisymmetric solver (tests/cross/test_theory_against_axisymmetric.py).
+LEFT_OUT = 0.8
+SAFETY = 1.06
+MAX_ESTIMATE = 0.6
+# A cubic speed above this many times the next order's may be any multiple of the true one.
+MAX_EXCESS = 1.5
+# Modes of the sphere that must decay at the threshold for the polarized state to be stable.
+OTHER_MODES = (2, 3, 4, 5, 6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,10 +72,10 @@ class Prediction:
 
     max_retrograde_speed [L/T] has the prefactor at the threshold, max_retrograde_speed_at_v_p0 the
     one at v_p0 (figure 3A, B of the paper). next_order_speed [L/T] comes from v_4 and the flow to
-    third order. relative_error estimates that of the cubic speed: the largest relative distance
-    from the next order on the way there from the threshold (the two curves may cross farther out,
-    which is no sign of accuracy), 1 where the next order has no such state. All are 0 where
-    `state.exists` is false.
+    third order. relative_error bounds |max_retrograde_speed/true - 1| where `in_reach` is true; it
+    is 1 where the theory does not know. Where `in_reach` is false the speeds are no prediction:
+    another mode of the sphere grows as well, or the next order is far below the cubic one. All
+    are 0 where `state.exists` is false.
     """
 
     state: SteadyAmplitude
@@ -66,6 +84,7 @@ class Prediction:
     next_order: SteadyAmplitude
     next_order_speed: Array
     relative_error: Array
+    in_reach: Array
 
 
 @finite_result
@@ -75,27 +94,18 @@ def branch(p: Points) -> Branch:
     The derivatives with respect to v_p0 are five-point differences. Raises InvalidInput without a
     threshold.
     """
-    at = p.at_speed(critical_speed(p))
-    steady = eliminated(at)
-    slope, curvature = _speed_derivatives(lambda q: growth_rate(q, 1), at)
-    nu_slope, _ = _speed_derivatives(cubic_coefficient_at_speed, at)
-    v_2 = -steady.nu / slope
-    v_4 = -(steady.nu_5 + nu_slope * v_2 + curvature * v_2**2 / 2) / slope
-    return Branch(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4)
+    return _onset(p).branch
 
 
 @finite_result
 def steady_amplitude(p: Points) -> SteadyAmplitude:
     """Amplitude of the polarized steady state, a^2 = -lambda_1/nu with nu at the threshold.
 
-    Main text `WNLA`. It exists above a supercritical threshold (stable) and below a subcritical
-    one (unstable, the barrier to the polarized state).
+    Main text `WNLA`. It exists above a supercritical threshold and below a subcritical one (there
+    it is unstable, the barrier to the polarized state). Above the threshold it is stable unless
+    another mode of the sphere grows there already.
     """
-    nu = cubic_coefficient(p)
-    squared = _ratio(-growth_rate(p, 1), nu)
-    exists = squared > 0
-    amplitude = np.sqrt(np.where(exists, squared, 0.0))
-    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & (nu < 0))
+    return _cubic_state(p, _onset(p))
 
 
 @finite_result
@@ -104,26 +114,24 @@ def next_steady_amplitude(p: Points) -> SteadyAmplitude:
 
     The root that continues the cubic one; where there is none, `exists` is false.
     """
-    b = branch(p)
-    distance = p.v_p0 - b.v_p_critical
-    discriminant = b.v_2**2 + 4 * b.v_4 * distance
-    root = np.sqrt(np.where(discriminant >= 0, discriminant, 0.0))
-    squared = _ratio(2 * distance, b.v_2 + np.copysign(root, b.v_2))
-    exists = (discriminant >= 0) & (squared > 0)
-    amplitude = np.sqrt(np.where(exists, squared, 0.0))
-    return SteadyAmplitude(
-        amplitude=amplitude, exists=exists, stable=exists & (cubic_coefficient(p) < 0)
-    )
+    return _next_state(p, _onset(p))
 
 
 @finite_result
 def trusted_distance(p: Points, tolerance: float = 0.1) -> Array:
     """How far from v_p^c the cubic amplitude is good to `tolerance`, relatively [L/T].
 
-    |v_p0 - v_p^c| < 2 tolerance v_2^2/|v_4|: there the next order changes a by `tolerance`.
+    |v_p0 - v_p^c| < 2 tolerance v_2^2/|v_4|: there the next order changes a by `tolerance`. Also,
+    where v_4 is small by chance, the decay rate of the second harmonic changes by less than
+    sqrt(tolerance).
     """
-    b = branch(p)
-    return np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
+    onset = _onset(p)
+    b = onset.branch
+    at = p.at_speed(b.v_p_critical)
+    slope, _ = _speed_derivatives(lambda q: second_harmonic(q).rate_at_rest, at)
+    by_next_order = np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
+    by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(onset.second_rate, slope))
+    return np.minimum(by_next_order, by_harmonic)
 
 
 @finite_result
@@ -150,8 +158,79 @@ def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
 
     a, m_2 a^2, m_3 a^3 [N/L^2], and those of the shape, r_2 a^2, r_3 a^3 [1].
     """
-    form = at_threshold(p)
-    a = np.asarray(amplitude, dtype=float)
+    return _carried(at_threshold(p), np.asarray(amplitude, dtype=float))
+
+
+@finite_result
+def prediction(p: Points) -> Prediction:
+    """Polarized state at v_p0 by the cubic theory, with an estimate of its error; broadcasts.
+
+    Raises InvalidInput without a threshold.
+    """
+    onset = _onset(p)
+    cubic, following = _cubic_state(p, onset), _next_state(p, onset)
+    speed = flow_speed_at_threshold(p, cubic.amplitude)
+    next_speed = max_retrograde_speed(p, _carried(onset.form, following.amplitude))
+    estimate, excess = _on_the_way(p, onset)
+    excessive = (estimate >= MAX_ESTIMATE) & (excess > MAX_EXCESS)
+    return Prediction(
+        state=cubic,
+        max_retrograde_speed=speed,
+        max_retrograde_speed_at_v_p0=flow_speed(p, cubic.amplitude),
+        next_order=following,
+        next_order_speed=next_speed,
+        relative_error=np.where(estimate < MAX_ESTIMATE, estimate, np.where(cubic.exists, 1.0, 0)),
+        in_reach=~excessive & _others_decay(p),
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Onset:
+    """What the threshold and its neighborhood say: found once, used at every v_p0.
+
+    second_rate: the rate at rest of harmonic 2 [1/T]; stable: the branch starts upwards, stable.
+    """
+
+    branch: Branch
+    form: NormalForm
+    second_rate: Array
+    stable: Array
+
+
+def _onset(p: Points) -> _Onset:
+    at = p.at_speed(critical_speed(p))
+    form = eliminated(at)
+    slope, curvature = _speed_derivatives(lambda q: growth_rate(q, 1), at)
+    nu_slope, _ = _speed_derivatives(cubic_coefficient_at_speed, at)
+    v_2 = -form.nu / slope
+    v_4 = -(form.nu_5 + nu_slope * v_2 + curvature * v_2**2 / 2) / slope
+    return _Onset(
+        branch=Branch(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4),
+        form=form,
+        second_rate=second_harmonic(at).rate_at_rest,
+        stable=(form.nu < 0) & _others_decay(at),
+    )
+
+
+def _cubic_state(p: Points, onset: _Onset) -> SteadyAmplitude:
+    squared = _ratio(-growth_rate(p, 1), onset.form.nu)
+    exists = squared > 0
+    amplitude = np.sqrt(np.where(exists, squared, 0.0))
+    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & onset.stable)
+
+
+def _next_state(p: Points, onset: _Onset) -> SteadyAmplitude:
+    b = onset.branch
+    distance = p.v_p0 - b.v_p_critical
+    discriminant = b.v_2**2 + 4 * b.v_4 * distance
+    root = np.sqrt(np.where(discriminant >= 0, discriminant, 0.0))
+    squared = _ratio(2 * distance, b.v_2 + np.copysign(root, b.v_2))
+    exists = (discriminant >= 0) & (squared > 0)
+    amplitude = np.sqrt(np.where(exists, squared, 0.0))
+    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & onset.stable)
+
+
+def _carried(form: NormalForm, a: Array) -> Harmonics:
     return Harmonics(
         a=a,
         b=form.m_2 * a**2,
@@ -161,38 +240,40 @@ def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
     )
 
 
-@finite_result
-def prediction(p: Points) -> Prediction:
-    """Polarized state at v_p0 by the cubic theory, with an estimate of its error; broadcasts.
+def _others_decay(p: Points) -> Array:
+    """Whether every mode of the sphere but the first decays."""
+    return np.all([slowest_rate(p, l) < 0 for l in OTHER_MODES], axis=0)
 
-    Raises InvalidInput without a threshold.
+
+def _on_the_way(p: Points, onset: _Onset) -> tuple[Array, Array]:
+    """Largest `_judged` at geometrically spaced distances from the threshold up to that of p.
+
+    Cubic and next order may cross farther out, which is no sign of accuracy.
     """
-    cubic, following = steady_amplitude(p), next_steady_amplitude(p)
-    speed = flow_speed_at_threshold(p, cubic.amplitude)
-    next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
-    return Prediction(
-        state=cubic,
-        max_retrograde_speed=speed,
-        max_retrograde_speed_at_v_p0=flow_speed(p, cubic.amplitude),
-        next_order=following,
-        next_order_speed=next_speed,
-        relative_error=_largest_disagreement(p),
-    )
-
-
-def _largest_disagreement(p: Points) -> Array:
-    """Of the cubic speed with the next order, at geometrically spaced distances up to that of p."""
-    critical = critical_speed(p)
+    critical = onset.branch.v_p_critical
     distances = (2.0**-k * (p.v_p0 - critical) for k in range(HALVINGS))
-    return np.max([_disagreement(p.at_speed(critical + d)) for d in distances], axis=0)
+    judged = [_judged(p.at_speed(critical + d), onset) for d in distances]
+    estimates, excesses = zip(*judged, strict=True)
+    return np.max(estimates, axis=0), np.max(excesses, axis=0)
 
 
-def _disagreement(p: Points) -> Array:
-    cubic, following = steady_amplitude(p), next_steady_amplitude(p)
-    speed = flow_speed_at_threshold(p, cubic.amplitude)
-    next_speed = max_retrograde_speed(p, harmonics(p, following.amplitude))
-    change = np.abs(_ratio(next_speed - speed, speed))
-    return np.where(cubic.exists & ~following.exists, 1.0, change)
+def _judged(p: Points, onset: _Onset) -> tuple[Array, Array]:
+    """Estimated relative error of the cubic speed, and its ratio to that of the next order.
+
+    The error is the distance from the next order, and what that leaves out: the third harmonic, the
+    flow beyond the first, and that the second harmonic decays slower the farther the threshold is.
+    """
+    cubic, following = _cubic_state(p, onset), _next_state(p, onset)
+    carried = _carried(onset.form, following.amplitude)
+    next_speed = max_retrograde_speed(p, carried)
+    leading = flow_speed_at_threshold(p, following.amplitude)
+    ratio = _ratio(flow_speed_at_threshold(p, cubic.amplitude), next_speed)
+    third = np.abs(_ratio(np.asarray(carried.d), following.amplitude))
+    beyond = np.abs(_ratio(next_speed - leading, leading))
+    change = second_harmonic(p).rate_at_rest / onset.second_rate - 1
+    estimate = SAFETY * np.hypot(ratio - 1, LEFT_OUT * (third + beyond + change**2))
+    estimate = np.where(following.exists, estimate, 1.0)
+    return np.where(cubic.exists, estimate, 0.0), ratio
 
 
 def _speed_derivatives(quantity: Callable[[Points], Array], p: Points) -> tuple[Array, Array]:

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.parameters import Parameters
-from amoeboid.theory.amplitude import bifurcation, normal_form_at_infinite_pressure
+from amoeboid.theory.amplitude import (
+    at_threshold,
+    bifurcation,
+    normal_form_at_infinite_pressure,
+)
 from amoeboid.theory.branch import Prediction, harmonics, prediction, trusted_distance
 from amoeboid.theory.flow import rho_2
 from amoeboid.theory.linear import (
@@ -20,6 +24,7 @@ from amoeboid.theory.linear import (
     growth_rate,
     thresholds,
 )
+from amoeboid.theory.points import infinite_pressure
 from amoeboid.validation import InvalidInput
 
 L_MAX = 6
@@ -27,12 +32,19 @@ L_MAX = 6
 
 @dataclass(frozen=True, kw_only=True)
 class Weakly:
-    """What the amplitude equation says at a point that has a threshold."""
+    """What the amplitude equation says at a point that has a threshold.
+
+    nu, m_2, r_2, the bifurcation and the prediction are those at the pressure of the cell.
+    """
 
     v_p_critical: float
     nu: float
-    nu_5: float
+    m_2: float
+    r_2: float
     bifurcation: str
+    nu_infinite_pressure: float
+    nu_5_infinite_pressure: float
+    bifurcation_infinite_pressure: str
     delta_P_star: float
     prediction: Prediction
     rho_2: float | None
@@ -46,7 +58,8 @@ class Summary:
     growth_rates: {l: lambda_l} for delta_P -> infinity, l = 1 .. 6; finite_pressure_rates:
     {l: (slow, fast)}, complex, l = 2 .. 6. max_retrograde_speed is that of the stable state which
     small perturbations lead to: 0 where the homogeneous state is stable, None where the cubic
-    theory has no stable state. notes say what a reader must know about these numbers.
+    theory has no stable state or does not reach. notes say what a reader must know about these
+    numbers.
     """
 
     zeta0: float
@@ -69,19 +82,16 @@ def summary(p: Parameters) -> Summary:
         for slow, fast in [finite_pressure_rates(p, l)]
     }
     found = thresholds(p)
+    first = first_mode(p, L_MAX)
+    growing = [l for l, (slow, _) in finite.items() if slow.real > 0]
     weakly, notes = _weakly(p, found)
-    speed, more = _speed(p.v_p0, growth_rates[1], weakly)
-    unstable = [str(l) for l, (slow, _) in finite.items() if slow.real > 0]
-    if unstable:
-        notes.append(
-            f"modes l = {', '.join(unstable)} are unstable at this pressure; the "
-            "amplitude equation takes them for slaved"
-        )
+    notes += _first_mode_notes(first, found, weakly)
+    speed, more = _speed(p.v_p0, growth_rates[1], growing, weakly)
     return Summary(
         zeta0=float(base_tension(p)),
         growth_rates=growth_rates,
         finite_pressure_rates=finite,
-        first_mode=first_mode(p, L_MAX),
+        first_mode=first,
         thresholds=found,
         weakly=weakly,
         max_retrograde_speed=speed,
@@ -93,18 +103,29 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
     if found.reason:
         return None, [f"no threshold: {found.reason}"]
     try:
-        form, predicted = normal_form_at_infinite_pressure(p), prediction(p)
+        form, predicted = at_threshold(p), prediction(p)
+        rigid = normal_form_at_infinite_pressure(p)
     except InvalidInput as error:
         return None, [f"no amplitude equation: {error}"]
     notes = []
     if found.v_p0.size > 1:
         notes.append("this law has several thresholds; nu and the flow belong to the lowest")
+    kind, rigid_kind = str(bifurcation(p)), str(bifurcation(infinite_pressure(p)))
+    if kind != rigid_kind:
+        notes.append(
+            f"the bifurcation is {kind} at this pressure and {rigid_kind} for delta_P -> infinity, "
+            f"where nu is {float(rigid.nu):.6g}"
+        )
     return (
         Weakly(
             v_p_critical=float(form.v_p0),
             nu=float(form.nu),
-            nu_5=float(form.nu_5),
-            bifurcation=str(bifurcation(p)),
+            m_2=float(form.m_2),
+            r_2=float(form.r_2),
+            bifurcation=kind,
+            nu_infinite_pressure=float(rigid.nu),
+            nu_5_infinite_pressure=float(rigid.nu_5),
+            bifurcation_infinite_pressure=rigid_kind,
             delta_P_star=float(critical_pressure(p)),
             prediction=predicted,
             rho_2=_rho_2(p, predicted),
@@ -112,6 +133,26 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
         ),
         notes,
     )
+
+
+def _first_mode_notes(
+    first: FirstMode | None, found: Thresholds, weakly: Weakly | None
+) -> list[str]:
+    """What follows where a mode l >= 2 goes unstable before mode 1, or alone."""
+    if first is None or first.l == 1:
+        return []
+    state = "symmetric from front to rear" if first.l % 2 == 0 else "of another symmetry"
+    before = f"before mode 1 at {found.v_p0[0]:.6g}" if found.v_p0.size else "and mode 1 never does"
+    notes = [
+        f"mode l = {first.l} goes unstable first, at v_p0 = {first.v_p0:.6g}, {before}: the first "
+        f"state is deformed and {state}, not polarized; `amoeboid steady` computes it"
+    ]
+    if weakly is not None:
+        notes.append(
+            "nu and the bifurcation are those of the polarized branch, which leaves a sphere that "
+            "is unstable already: small perturbations do not follow it"
+        )
+    return notes
 
 
 def _rho_2(p: Parameters, predicted: Prediction) -> float | None:
@@ -123,10 +164,19 @@ def _rho_2(p: Parameters, predicted: Prediction) -> float | None:
     return float(found) if predicted.state.exists else None
 
 
-def _speed(v_p0: float, lambda_1: float, weakly: Weakly | None) -> tuple[float | None, list[str]]:
+def _speed(
+    v_p0: float, lambda_1: float, growing: list[int], weakly: Weakly | None
+) -> tuple[float | None, list[str]]:
     """Speed of the state that small perturbations of the homogeneous one lead to."""
+    others = "mode" + "s" * (len(growing) > 1) + " l = " + ", ".join(map(str, growing))
+    if lambda_1 <= 0 and growing:
+        return None, [
+            f"the homogeneous state is stable against polarization, but {others} grow"
+            + "s" * (len(growing) == 1)
+            + ": `amoeboid steady` computes what follows"
+        ]
     if lambda_1 <= 0:
-        notes = ["the homogeneous state is stable against polarization: no flow"]
+        notes = ["the homogeneous state is stable: no flow"]
         if weakly is not None and weakly.prediction.state.exists:
             notes.append(
                 "a polarization above the amplitude of the unstable state grows nevertheless"
@@ -134,21 +184,37 @@ def _speed(v_p0: float, lambda_1: float, weakly: Weakly | None) -> tuple[float |
         return 0.0, notes
     if weakly is None:
         return None, ["the homogeneous state polarizes; the amplitude is beyond this theory"]
+    if growing:
+        return None, [
+            f"{others} of the sphere grow" + "s" * (len(growing) == 1) + " at this pressure and "
+            "v_p0 beside mode 1; the amplitude equation takes all but mode 1 for slaved and "
+            "predicts no flow; `amoeboid steady` computes it"
+        ]
     predicted = weakly.prediction
-    distance = abs(v_p0 - weakly.v_p_critical)
     if not predicted.state.stable:
         return None, [
             "the homogeneous state polarizes and the cubic theory has no stable state: it jumps to "
             "a large amplitude"
         ]
-    notes = []
+    if not predicted.in_reach:
+        return None, [
+            "v_p0 is too far from the threshold for the cubic theory: the next order is far below "
+            "it; `amoeboid steady` computes the flow"
+        ]
+    return float(predicted.max_retrograde_speed), _trust(v_p0, weakly)
+
+
+def _trust(v_p0: float, weakly: Weakly) -> list[str]:
+    """How far to trust a flow that is predicted."""
+    predicted = weakly.prediction
     if not predicted.next_order.exists:
-        notes.append("the next order has no such state: do not trust the predicted flow")
-    elif distance > weakly.trusted_distance:
-        times = distance / weakly.trusted_distance
-        notes.append(
-            f"v_p0 is {times:.3g} times farther from the threshold than the cubic theory is good "
-            f"to 10 %: its speed may be off by {float(predicted.relative_error):.0%}, "
-            "`amoeboid steady` computes it exactly"
-        )
-    return float(predicted.max_retrograde_speed), notes
+        return ["the next order has no such state: do not trust the predicted flow"]
+    times = abs(v_p0 - weakly.v_p_critical) / weakly.trusted_distance
+    if times <= 1:
+        return []
+    error = float(predicted.relative_error)
+    off = f"its speed may be off by {error:.0%}" if error < 1 else "its error is not known"
+    return [
+        f"v_p0 is {times:.3g} times farther from the threshold than the cubic theory is good "
+        f"to 10 %: {off}, `amoeboid steady` computes it exactly"
+    ]
