@@ -12,7 +12,7 @@ from amoeboid.cli.output import tell
 from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
-PLOT_FAILS = "Exit code 1 as well: the results are printed, but the picture could not be drawn."
+PLOT_FAILS = "Exit code 1 if the picture of --plot cannot be drawn; results are printed before."
 SUFFIXES = (".png", ".pdf", ".svg")
 
 

@@ -40,11 +40,11 @@ def save_cell_picture(path: Path, step: Step) -> None:
     Raises NoPicture where VTK cannot draw, and OSError.
     """
     archive = io.BytesIO()
-    np.savez(archive, allow_pickle=False, **_scene(step))
+    np.savez(archive, allow_pickle=False, **scene(step))
     write_atomically(path, lambda p: _draw(p, archive.getvalue()))
 
 
-def _scene(step: Step) -> dict[str, Any]:
+def scene(step: Step) -> dict[str, Any]:
     """What the drawing process needs to know of a step, see there."""
     model, state, flow = step.model, step.state, step.flow
     R0 = model.parameters.R0
@@ -64,23 +64,23 @@ def _scene(step: Step) -> dict[str, Any]:
     }
 
 
-def _draw(path: Path, scene: bytes) -> None:
+def _draw(path: Path, archive: bytes) -> None:
     problem = ""
     for way in WAYS:
         # PyVista imports matplotlib, which looks for the backend that a notebook names
-        found = _process(path, scene, os.environ | {"MPLBACKEND": "agg"} | way)
+        found = _process(path, archive, os.environ | {"MPLBACKEND": "agg"} | way)
         if found is None:
             return
         problem = problem or found
     raise NoPicture(f"{problem}; {REMEDY}")
 
 
-def _process(path: Path, scene: bytes, environment: dict[str, str]) -> str | None:
+def _process(path: Path, archive: bytes, environment: dict[str, str]) -> str | None:
     """Draw in a process of its own; None, or what went wrong."""
     command = [sys.executable, "-P", cell_process.__file__, str(path.absolute())]
     try:
         done = subprocess.run(  # noqa: S603  (our own program; the path is one argument)
-            command, input=scene, capture_output=True, timeout=MAX_DRAWING, env=environment
+            command, input=archive, capture_output=True, timeout=MAX_DRAWING, env=environment
         )
     except subprocess.TimeoutExpired:
         return f"the drawing process took more than {MAX_DRAWING:g} s"

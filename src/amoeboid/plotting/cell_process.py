@@ -28,18 +28,24 @@ DISTANCE = 6.01  # of the viewer, in units of the size of the cell
 
 def main(path: str) -> None:
     """Read the scene, write the picture."""
+    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as archive:
+        draw(path, dict(archive))
+
+
+def draw(path: str, scene: Scene) -> None:
+    """Write the picture of a scene."""
     import pyvista as pv
     from vtkmodules.vtkCommonCore import vtkLogger
 
-    with np.load(io.BytesIO(sys.stdin.buffer.read()), allow_pickle=False) as archive:
-        scene = dict(archive)
     # without a screen VTK falls back to off-screen rendering, and would warn of that every time
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
     plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
-    plotter.set_background("white")
-    _add_cell(plotter, scene)
-    plotter.screenshot(path, return_img=False)
-    plotter.close()
+    try:
+        plotter.set_background("white")
+        _add_cell(plotter, scene)
+        plotter.screenshot(path, return_img=False)
+    finally:
+        plotter.close()
 
 
 def _add_cell(plotter: Any, scene: Scene) -> None:
