@@ -326,7 +326,7 @@ BENDS = 50.0  # where the cell seems steady, at t = 54, the state is unstable to
 
 
 def headings(steps):
-    """Directions from step to step in the laboratory frame."""
+    """Directions from step to step in the frame in which the mean cortex velocity vanishes."""
     way = np.diff([step.state.position for step in steps], axis=0)
     return way / np.linalg.norm(way, axis=1)[:, None]
 

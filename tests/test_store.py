@@ -531,7 +531,7 @@ def test_an_observable_that_fails_is_named_and_the_run_has_failed(
     assert says in manifest["ended"]
 
 
-@pytest.mark.parametrize("name", ["t", "step", "cortex_drag_x"])
+@pytest.mark.parametrize("name", ["t", "step", "cortex_drag_x", "cortex_drag_heading_x"])
 def test_an_observable_must_have_a_name_of_its_own(name, observables, tmp_path):
     observables[name] = r_std
     with pytest.raises(InvalidInput, match=f"{name!r} is another column"):

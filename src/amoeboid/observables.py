@@ -141,8 +141,9 @@ def deformation(model: Model, state: State, flow: Flow) -> float:
     R = np.sqrt(smooth_area(state.r, model.mesh.faces) / (4.0 * np.pi))
     change = np.linalg.norm(x, axis=1) / R - 1.0
     farthest, nearest = int(np.argmax(change)), int(np.argmin(change))
+    normals = geometry.geometry(state.r, model.mesh.faces).normals
     return max(
-        abs(_refined_extremum(model.mesh, state.r, flow.normals, change, i, sign))
+        abs(_refined_extremum(model.mesh, state.r, normals, change, i, sign))
         for i, sign in ((farthest, 1.0), (nearest, -1.0))
     )
 

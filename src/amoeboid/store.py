@@ -391,13 +391,13 @@ def _adapted(folder: Path) -> dict[str, Any] | None:
 
 def _check_names() -> None:
     """Raise InvalidInput for an observable that has the name of another column."""
-    for name in (*OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz")):
-        vector = name not in OBSERVABLES
-        if name in STEP_UNITS or (vector and name in OBSERVABLES):
-            raise InvalidInput(
-                f"an observable must have a name of its own, {name!r} is another column of the "
-                "time series; rename it"
-            )
+    columns = [*STEP_UNITS, *OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz")]
+    twice = [name for name in columns if columns.count(name) > 1]
+    if twice:
+        raise InvalidInput(
+            f"an observable must have a name of its own, {twice[0]!r} is another column of the "
+            "time series; rename it"
+        )
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
