@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from functools import cache
 from typing import Any
 
+from amoeboid.dimensions import DIMENSIONS, Units
 from amoeboid.parameters import PARAMETER_NAMES, Parameters
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -32,7 +32,6 @@ PAPER_CELL: dict[str, str] = {
     "law": "exponential",
 }
 
-_DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
 _EXAMPLES = {
     "L": "10 um",
@@ -74,19 +73,10 @@ _FOLLOWS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scales:
-    """What one simulation unit is: length [m], time [s], mass [kg], filaments [1]."""
+def to_simulation(physical: Mapping[str, Any]) -> tuple[Parameters, Units]:
+    """Simulation parameters from quantities (texts such as "10 um", or pint's own), and the units.
 
-    length: float
-    time: float
-    mass: float
-    filaments: float
-
-
-def to_simulation(physical: Mapping[str, Any]) -> tuple[Parameters, Scales]:
-    """Simulation parameters and scales from quantities (texts such as "10 um", or pint's own).
-
+    The units of the simulation are measured in SI units: what to multiply its numbers by.
     Parameters left out are those of `PAPER_CELL`. Raises InvalidInput for an unknown name, a
     text that is no quantity, or a wrong dimension, naming the parameter.
     """
@@ -95,27 +85,27 @@ def to_simulation(physical: Mapping[str, Any]) -> tuple[Parameters, Scales]:
     law = given.pop("law")
     si = {name: _in_base_units(name, value) for name, value in given.items()}
     Parameters(**si, law=law)  # refuses values out of range in the user's own numbers
-    scales = _scales(si)
-    values = {name: si[name] / _scale(_DIMENSIONS[name], scales) for name in si}
+    units = _base_units(si)
+    values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}
     # By definition; dividing would leave rounding.
     values |= {"R0": 1.0, "eta_s": 1.0, "c_r": 1.0}
-    return Parameters(**values, law=law), scales
+    return Parameters(**values, law=law), units
 
 
-def to_physical(p: Parameters, scales: Scales) -> dict[str, Any]:
+def to_physical(p: Parameters, units: Units) -> dict[str, Any]:
     """The parameters as pint quantities in SI base units; the law as its name."""
     registry = _registry()
     quantities: dict[str, Any] = {}
-    for name, dimension in _DIMENSIONS.items():
-        magnitude = getattr(p, name) * _scale(dimension, scales)
+    for name, dimension in DIMENSIONS.items():
+        magnitude = getattr(p, name) * units.of(dimension)
         quantities[name] = magnitude * registry.parse_units(_base_unit(dimension))
     return quantities | {"law": p.law.name}
 
 
-def in_unit(value: float, dimension: str, scales: Scales, unit: str) -> float:
+def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:
     """A simulation value of a dimension such as "L/T" as a number of physical `unit`s."""
     registry = _registry()
-    magnitude = value * _scale(dimension, scales)
+    magnitude = value * units.of(dimension)
     quantity = magnitude * registry.parse_units(_base_unit(dimension))
     return float(quantity.to(unit).magnitude)
 
@@ -135,14 +125,14 @@ def magnitude(quantity: Any, unit: str) -> float:
     return float(found.to(wanted).magnitude)
 
 
-def _scales(si: Mapping[str, float]) -> Scales:
+def _base_units(si: Mapping[str, float]) -> Units:
     if si["beta"] > 0:
         time = 1 / si["beta"]
     elif si["D"] > 0:
         time = si["R0"] ** 2 / si["D"]
     else:
         raise InvalidInput("beta and D must not both be 0: one of them sets the unit of time")
-    return Scales(
+    return Units(
         length=si["R0"],
         time=time,
         mass=si["eta_s"] * time,
@@ -151,7 +141,7 @@ def _scales(si: Mapping[str, float]) -> Scales:
 
 
 def _in_base_units(name: str, value: Any) -> float:
-    dimension = _DIMENSIONS[name]
+    dimension = DIMENSIONS[name]
     example = _EXAMPLES[dimension]
     quantity = _counted(_parsed(name, value, example))
     wanted = _registry().parse_units(_base_unit(dimension))
@@ -233,17 +223,6 @@ def _counted(quantity: Any) -> Any:
     if moles == 0:
         return quantity
     return quantity * (_registry().Quantity(1, "avogadro_constant").to("1/mole")) ** moles
-
-
-def _scale(dimension: str, scales: Scales) -> float:
-    """One simulation unit of a dimension in SI base units."""
-    powers = {"L": scales.length, "T": scales.time, "M": scales.mass, "N": scales.filaments}
-    above, _, below = dimension.partition("/")
-    scale = 1.0
-    for text, sign in ((above, 1), (below, -1)):
-        for symbol, exponent in re.findall(r"([LTMN])(?:\^(\d))?", text):
-            scale *= powers[symbol] ** (sign * int(exponent or 1))
-    return scale
 
 
 def _base_unit(dimension: str) -> str:

@@ -11,8 +11,8 @@ from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
+    from amoeboid.dimensions import Units
     from amoeboid.theory.summary import Summary
-    from amoeboid.units import Scales
 
 # Dimension and physical unit of what is printed; a key that is missing has no dimension.
 UNITS = {
@@ -58,8 +58,8 @@ def execute(args: argparse.Namespace) -> int:
         from amoeboid.units import PAPER_CELL, to_simulation
 
         given = _quantities(args.settings)
-        p, scales = to_simulation(given)
-        result = _in_physical_units(_result(summary(p)), scales)
+        p, units = to_simulation(given)
+        result = _in_physical_units(_result(summary(p)), units)
         result["parameters"] = {**PAPER_CELL, **given}
         result["units"] = {key: unit for key, (_, unit) in UNITS.items() if key in result}
     else:
@@ -136,7 +136,7 @@ def _result(s: Summary) -> dict[str, Any]:
     return result
 
 
-def _in_physical_units(result: dict[str, Any], scales: Scales) -> dict[str, Any]:
+def _in_physical_units(result: dict[str, Any], units: Units) -> dict[str, Any]:
     from amoeboid.units import in_unit
 
     def converted(value: Any, dimension: str, unit: str) -> Any:
@@ -144,7 +144,7 @@ def _in_physical_units(result: dict[str, Any], scales: Scales) -> dict[str, Any]
             return {key: converted(v, dimension, unit) for key, v in value.items()}
         if isinstance(value, list):
             return [converted(v, dimension, unit) for v in value]
-        return None if value is None else in_unit(value, dimension, scales, unit)
+        return None if value is None else in_unit(value, dimension, units, unit)
 
     return {
         key: converted(value, *UNITS[key]) if key in UNITS else value
