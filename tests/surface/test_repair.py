@@ -8,6 +8,7 @@ from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
 from amoeboid.config import Config, Initial, Mesh, resolved
 from amoeboid.parameters import Parameters
+from amoeboid.surface import repair
 from amoeboid.surface.geometry import area, mesh_quality, volume, volume_centroid
 from amoeboid.surface.imported import check_surface, joined
 from amoeboid.surface.initial import initial_condition
@@ -54,7 +55,7 @@ def marching_cubes(n, half_width=18.0):
     return r, faces[:, ::-1].astype(np.int64)
 
 
-@pytest.mark.parametrize(("grid", "subdivisions"), [(67, 3), (31, 2), (31, 4)])
+@pytest.mark.parametrize(("grid", "subdivisions"), [(67, 3), (31, 1), (31, 2), (31, 4)])
 def test_a_marching_cubes_surface_becomes_an_even_mesh_of_the_wanted_size(grid, subdivisions):
     """Of 10 000 points, as scikit-image gives them, and of 2000; all have slivers."""
     r, faces = marching_cubes(grid)
@@ -65,13 +66,14 @@ def test_a_marching_cubes_surface_becomes_an_even_mesh_of_the_wanted_size(grid, 
     new, new_faces, changes = repaired(r, faces, n, "x")
     check_surface(new, new_faces, "x")
     assert own_disorder(new, new_faces) < 1.0
-    assert abs(len(new) / n - 1) < 0.15  # measured: 8 %
+    # measured: 8 %; of 42 nodes, the fewest that there may be, a few more
+    assert abs(len(new) / n - 1) < (0.15 if n > 42 else 0.4)
     # the shape is the same: nodes on the surface, chords between them as those of an icosphere
     lost = 1 - volume(new, new_faces) / abs(volume(r, faces))
     chords = 1 - volume(*icosphere(subdivisions)) / (4 * np.pi / 3)
     assert -0.1 * chords < lost < 1.3 * chords
     shift = volume_centroid(new, new_faces) - volume_centroid(r, faces)
-    assert np.abs(shift).max() < 1e-3 * np.ptp(r)
+    assert np.abs(shift).max() < max(1e-3, 0.05 * chords) * np.ptp(r)
     turned, remeshed = changes
     assert "inside out" in turned
     assert f"remeshed {len(r)} points as {len(new)}" in remeshed
@@ -81,7 +83,7 @@ def test_repair_knows_no_unit():
     """The same mesh for a cell in meters and micrometers, the same shape far from the origin."""
     r, faces = marching_cubes(31)
     first, first_faces, _ = repaired(r, faces, 162, "x")
-    for scale in (1.0, 2.0**-20, 2.0**70):
+    for scale in (2.0**-20, 2.0**-450, 2.0**450):
         new, new_faces, _ = repaired(scale * r, faces, 162, "x")
         np.testing.assert_array_equal(new_faces, first_faces)
         np.testing.assert_array_equal(new, scale * first)
@@ -220,6 +222,12 @@ def test_polygons_and_corners_of_a_cube_are_remeshed():
     new, new_faces, _ = repaired(r * [1.0, 1.0, 8.0], faces, 642, "x")
     check_surface(new, new_faces, "x")
     assert volume(new, new_faces) == pytest.approx(64.0, rel=0.04)
+
+
+def test_more_points_than_can_be_repaired_in_minutes_are_refused(monkeypatch):
+    monkeypatch.setattr(repair, "MAX_POINTS", 100)
+    with pytest.raises(InvalidInput, match="at most 100 points to be repaired, got 162; decimate"):
+        repaired(*inside_out(), 162, "x")
 
 
 def test_repair_needs_a_surface():

@@ -38,6 +38,10 @@ MAX_ROUNDS, WELL_IN_ORDER = 12, 0.85
 RELAXATIONS, NEAREST = 3, 12
 # Nodes on a surface remeshed with edges of the length of that many even triangles, measured.
 EXCESS = 1.27
+# They are more or fewer than wanted by less than this factor.
+SPREAD = 1.2
+# A surface of so many points takes minutes.
+MAX_POINTS = 250_000
 
 
 def repaired(
@@ -52,17 +56,25 @@ def repaired(
     slivers or edges of very different lengths it is remeshed. Raises InvalidInput, beginning with
     `name`, for what cannot be mended.
     """
-    check_size(r, name)
+    size = check_size(r, name)
     r, faces, changes = joined(r, faces)
     r, faces, removed = _cleaned(r, faces)
+    if len(r) > MAX_POINTS:
+        raise InvalidInput(
+            f"{name} must have at most {MAX_POINTS} points to be repaired, got {len(r)}; "
+            "decimate it"
+        )
     faces, turned = _oriented(r, faces)
     changes = (*changes, *removed, *turned)
     check_mesh(r, faces, name)
-    if volume(r - r.mean(axis=0), faces) < 0:
+    # neither its place nor its size matter to what follows, but rounding and overflow would
+    center, unit = r.mean(axis=0), 2.0 ** np.frexp(size)[1]
+    x = (r - center) / unit
+    if volume(x, faces) < 0:
         faces = faces[:, ::-1]
         changes = (*changes, "turned all triangles round, the surface was inside out")
-    r, faces, remeshed = _even(r, np.ascontiguousarray(faces), n_nodes, name)
-    return r, faces, (*changes, *remeshed)
+    new, faces, remeshed = _even(x, np.ascontiguousarray(faces), n_nodes, name)
+    return r if new is x else center + unit * new, faces, (*changes, *remeshed)
 
 
 def _cleaned(r: Array, faces: Index) -> tuple[Array, Index, list[str]]:
@@ -117,21 +129,21 @@ def _oriented(r: Array, faces: Index) -> tuple[Index, list[str]]:
 
 def _even(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index, list[str]]:
     """The surface on an even mesh of about `n_nodes`, if its own is out of order."""
-    size = np.ptp(r, axis=0).max()
     own_length = even_edge_length(area(r, faces), len(faces))
     in_order = disorder(r, faces, own_length) <= 1.0
     if in_order and FEWEST_NODES <= len(r) <= MOST_NODES:
         return r, faces, []
     if mesh_quality(r, faces) >= LEAST_QUALITY:
-        check_triangles(r / size, faces, name)
+        check_triangles(r, faces, name)
     # first as it is but for slivers, so that a crossing is seen; then coarser or finer
     fine, fine_faces = (r, faces) if in_order else _evened(r, faces, own_length, (r, faces))
     try:
-        check_triangles(fine / size, fine_faces, name)
+        check_triangles(fine, fine_faces, name)
     except Repairable as problem:
         raise InvalidInput(
             f"{problem}: initial.repair cannot, its triangles may cross or fold"
         ) from None
+    n_nodes = int(min(max(n_nodes, FEWEST_NODES * SPREAD), MOST_NODES / SPREAD))
     wanted = even_edge_length(area(fine, fine_faces), 2 * n_nodes - 4) * np.sqrt(EXCESS)
     new, new_faces = _evened(fine, fine_faces, float(wanted), (r, faces))
     volumes = volume(new, new_faces), volume(r, faces)
