@@ -337,11 +337,15 @@ def test_a_mesh_is_due_again_only_after_it_has_changed():
     assert not due(rest_model, rest, None)
 
 
-def test_slivers_do_not_hold_up_the_changes_around_them():
-    """A triangle so thin has no normal of its own: its edges flip and collapse all the same."""
+def test_a_triangle_folded_over_its_neighbor_is_mended():
     r, mesh = unit_sphere(2)
+    # one corner beyond the middle of the opposite edge: a cap that looks inward
     a, b, c = mesh.faces[0]
-    r[a] = 0.999 * r[b] + 0.001 * r[c] + [0, 0, 1e-4]
+    e = edges(r, mesh.faces)
+    (edge,) = np.flatnonzero((e.a == min(b, c)) & (e.b == max(b, c)))
+    beyond = e.d[edge] if e.c[edge] == a else e.c[edge]
+    r[a] = 0.4 * r[b] + 0.6 * r[c]
+    r[a] += 1e-4 * (r[beyond] - r[a])
     h = even_edge_length(area(r, mesh.faces), len(mesh.faces))
     assert mesh_quality(r, mesh.faces) < 0.01
     state = State(0.0, r, np.ones(len(r)), 0.0, np.zeros(3))

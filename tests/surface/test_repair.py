@@ -55,7 +55,10 @@ def marching_cubes(n, half_width=18.0):
     return r, faces[:, ::-1].astype(np.int64)
 
 
-@pytest.mark.parametrize(("grid", "subdivisions"), [(67, 3), (31, 1), (31, 2), (31, 4)])
+@pytest.mark.parametrize(
+    ("grid", "subdivisions"),
+    [pytest.param(67, 3, marks=pytest.mark.slow), (31, 1), (31, 2), (31, 4)],
+)
 def test_a_marching_cubes_surface_becomes_an_even_mesh_of_the_wanted_size(grid, subdivisions):
     """Of 10 000 points, as scikit-image gives them, and of 2000; all have slivers."""
     r, faces = marching_cubes(grid)
