@@ -1,5 +1,6 @@
 """What a checkpoint must be: a step that a run can have written."""
 
+import itertools
 import zipfile
 from dataclasses import replace
 
@@ -9,10 +10,12 @@ import pytest
 from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Initial, Mesh, Output, Time
+from amoeboid.parameters import Parameters
 from amoeboid.simulation import Rest, evolve, start
 from amoeboid.store import new_run
 from amoeboid.surface.mesh import icosphere
 from amoeboid.validation import InvalidInput
+from surface.written import write_surface
 
 CONFIG = Config(
     mesh=Mesh(subdivisions=1),
@@ -92,6 +95,7 @@ FLOAT_NAMES = (
     "rest",
     "frame_times",
     "edge_length",
+    "tried",
     "history_r",
     "history_c",
     "history_scalars",
@@ -102,7 +106,7 @@ FLOAT_NAMES = (
 )
 LAYOUT = [
     (name, change)
-    for name in ("config", "step", "rest_known", "faces", *FLOAT_NAMES)
+    for name in ("config", "step", "rest_known", "faces", "tried_known", *FLOAT_NAMES)
     for change in (
         None,
         lambda a: a[None],
@@ -160,6 +164,8 @@ VALUES = [
     ("edge_length", lambda a: -a),
     ("edge_length", lambda a: a * 100),
     ("edge_length", lambda a: a * 1e-3),
+    ("tried_known", lambda a: a.astype(int)),
+    ("tried", lambda a: a[:-1]),
     ("history_r", lambda a: a[:, :-1]),
     ("history_r", lambda a: a[:2]),
     ("history_r", lambda a: a * 2),
@@ -301,3 +307,23 @@ def test_what_else_a_file_holds_is_not_even_read(stored, tmp_path):
     path = tmp_path / "checkpoint.npz"
     np.savez(path, **arrays, frame_names=np.array([object()], dtype=object))
     assert read_checkpoint(path).step.number == arrays["step"][0]
+
+
+def test_a_run_with_a_mesh_that_was_tried_in_vain_goes_on_with_the_same_bits(tmp_path):
+    """A rod whose ends no mesh of so few nodes resolves: some attempts to remesh it fail."""
+    r, faces = icosphere(2)
+    surface = write_surface(tmp_path / "rod.stl", r * [1.0, 1.0, 12.0], faces)
+    config = Config(
+        parameters=Parameters(D=0.4, v_p0=6.0, delta_P=30.0),
+        initial=Initial(surface=str(surface), perturbation=0.5),
+    )
+    steps = list(itertools.islice(evolve(start(config), config.time), 14))
+    at = next(k for k, step in enumerate(steps) if step.tried is not None)
+    assert at < len(steps) - 2
+    write_checkpoint(tmp_path / "a.npz", Checkpoint(config, steps[at], (steps[at].state.t,)))
+    back = read_checkpoint(tmp_path / "a.npz").step
+    assert np.array_equal(back.tried, steps[at].tried)
+    for again, step in zip(evolve(back, config.time), steps[at + 1 :], strict=False):
+        assert np.array_equal(again.state.r, step.state.r)
+        assert np.array_equal(again.state.c, step.state.c)
+        assert (again.tried is None) == (step.tried is None)

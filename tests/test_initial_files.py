@@ -2,12 +2,15 @@
 
 import json
 import os
+import re
 import shutil
 
+import numpy as np
 import pytest
 
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Initial, anchored, config_from_toml, config_to_toml
+from amoeboid.surface.geometry import area
 from amoeboid.validation import InvalidInput
 from surface.written import crossing, ellipsoid, inside_out, write_surface
 
@@ -165,3 +168,65 @@ def test_the_fields_read_back_equal_and_are_led_from_the_folder(tmp_path):
     assert led == os.path.join(tmp_path, "a b/ä'\".stl")
     with pytest.raises(InvalidInput, match="path of a file"):
         Initial(from_frame="a\0b.vtp")
+
+
+def test_that_a_shape_was_scaled_is_told(project, tmp_path, capsys):
+    """A cell of 25 micrometers becomes one of R0 = 1: so says the manifest, JSON and a terminal."""
+    r, faces = ellipsoid()
+    write_surface(project / "um.ply", 25 * r, faces)
+    given = [f"initial.surface={project / 'um.ply'}", "time.end=0.01"]
+    options = [word for setting in given for word in ("--set", setting)]
+    in_json = told(capsys, *options, "-o", tmp_path / "a")["initial_shape"]
+    assert in_json["repairs"] == []
+    says = re.fullmatch(
+        r"scaled by ([\d.]+): its area ([\d.]+) must .* 4 pi R0\^2 = 12.5664", in_json["scaling"]
+    )
+    factor, area_given = (float(x) for x in says.groups())
+    assert area_given == pytest.approx(25**2 * area(r, faces), rel=1e-5)
+    assert factor == pytest.approx((12.56637 / area_given) ** 0.5, rel=1e-5)
+    assert json.loads((tmp_path / "a/manifest.json").read_text())["initial_shape"] == in_json
+    longer = told(capsys, "--resume", tmp_path / "a", "--set", "time.end=0.02")
+    assert longer["initial_shape"] == in_json
+    assert main(["run", *options, "-o", str(tmp_path / "b")]) == 0
+    assert f"initial shape: {in_json['scaling']}" in capsys.readouterr().err
+    # one that fits, and the sphere itself, are not scaled
+    r = r * (12.566370614359172 / area(r, faces)) ** 0.5
+    write_surface(project / "fits.ply", r, faces)
+    given[0] = f"initial.surface={project / 'fits.ply'}"
+    options = [word for setting in given for word in ("--set", setting)]
+    assert told(capsys, *options, "-o", tmp_path / "c")["initial_shape"]["scaling"] is None
+    assert "initial_shape" not in told(capsys, "--set", "time.end=0.01", "-o", tmp_path / "d")
+
+
+def test_a_repaired_surface_runs_and_what_was_changed_is_told(project, tmp_path, capsys):
+    r, faces = inside_out()
+    faces[::3] = faces[::3, ::-1]
+    write_surface(project / "cell.stl", np.vstack([r, [9.0, 9.0, 9.0]]), faces)
+    (project / "run.toml").write_text(
+        "[initial]\nsurface = 'cell.stl'\nrepair = true\nperturbation = 1\n[time]\nend = 0.1\n"
+    )
+    assert main(["run", str(project / "run.toml"), "--json", "-o", str(tmp_path / "a")]) == 0
+    out, err = capsys.readouterr()
+    assert re.search(r"^amoeboid run: initial shape: turned \d+ triangles round", err)
+    whole = json.loads(out)
+    manifest = json.loads((tmp_path / "a/manifest.json").read_text())
+    assert manifest["initial_shape"] == whole["initial_shape"]
+    assert any("turned" in change for change in manifest["initial_shape"]["repairs"])
+    # the folder repeats it from its copy of the file as it was given
+    assert "repair = true" in (tmp_path / "a/config.toml").read_text()
+    assert main(["run", str(tmp_path / "a/config.toml"), "--json", "-o", str(tmp_path / "b")]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert {k: again[k] for k in SAME} == {k: whole[k] for k in SAME}
+    (project / "run.toml").write_text("[initial]\nsurface = 'cell.stl'\n")
+    says = refused(capsys, project / "run.toml", "-o", tmp_path / "c")
+    assert "or let it be done with initial.repair = true" in says
+
+
+def test_a_damaged_manifest_does_not_keep_a_run_from_going_on(project, tmp_path, capsys):
+    told(capsys, project / "run.toml", "-o", tmp_path / "a")
+    shapes = ("3", '{"repairs": [NaN], "scaling": null}', '{"repairs": [], "scaling": 1e999}')
+    texts = ["{", "[]", "", *(f'{{"initial_shape": {shape}}}' for shape in shapes)]
+    for end, text in enumerate(texts, start=1):
+        (tmp_path / "a/manifest.json").write_text(text)
+        longer = told(capsys, "--resume", tmp_path / "a", "--set", f"time.end={0.3 + 0.01 * end}")
+        assert "initial_shape" not in longer

@@ -382,11 +382,16 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
 def _adapted(folder: Path) -> dict[str, Any] | None:
     """What the manifest of a stored run says was done to its initial shape, if it can be read."""
     try:
-        manifest = json.loads(text_of(folder / "manifest.json"))
-        adapted = manifest.get("initial_shape")
-    except (OSError, ValueError, AttributeError, RecursionError):
+        shape = json.loads(text_of(folder / "manifest.json"))["initial_shape"]
+        repairs, scaling = shape["repairs"], shape["scaling"]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
         return None
-    return adapted if isinstance(adapted, dict) else None
+    texts = [*repairs, scaling or ""] if isinstance(repairs, list) else [None]
+    return {"repairs": repairs, "scaling": scaling} if _are_texts(texts) else None
+
+
+def _are_texts(values: list[Any]) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def _check_names() -> None:

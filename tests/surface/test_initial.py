@@ -1,3 +1,4 @@
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from amoeboid.store import write_frame
 from amoeboid.surface.geometry import area, geometry, volume_centroid
 from amoeboid.surface.harmonics import real_harmonic
 from amoeboid.surface.initial import initial_state, perturbed, sphere
+from amoeboid.surface.mesh import icosphere
 from amoeboid.surface.model import Model, State
 from amoeboid.validation import InvalidInput
 from surface.shapes import observed_orders
@@ -254,3 +256,36 @@ def test_the_law_must_push_at_the_start_on_any_shape(tmp_path):
     path = write_surface(tmp_path / "cell.stl", *ellipsoid())
     with pytest.raises(InvalidInput, match=r"v_p\(c0\) >= 0"):
         start(replace(config_of(path), parameters=Parameters(law="-c")))
+
+
+@pytest.mark.parametrize("aspect", [0.05, 0.1, 0.3, 3.0, 8.0])
+def test_a_shape_far_from_rest_starts_with_steps_as_short_as_it_needs(aspect, tmp_path):
+    """Pancakes and rods that pressure moves fast: no tension keeps the area over a long step."""
+    r, faces = icosphere(2)
+    path = write_surface(tmp_path / "cell.stl", r * [1.0, 1.0, aspect], faces)
+    p = Parameters(D=0.4, v_p0=6.0, delta_P=30.0)
+    config = replace(config_of(path, perturbation=0.5), parameters=p)
+    first = start(config)
+    *_, last = itertools.islice(evolve(first, config.time), 12)
+    assert last.state.t > 0
+    assert area(last.state.r, last.model.mesh.faces) == pytest.approx(last.model.A0, rel=1e-12)
+    # where the first step is as long as any, it is what it was
+    longest = 1e-2 / p.rate
+    assert first.next_dt <= longest / max(1.0, first.rate)
+    if 0.3 <= aspect <= 3.0:
+        assert first.next_dt == pytest.approx(longest / max(1.0, first.rate), rel=1e-12)
+
+
+def test_a_pancake_starts_in_any_unit(tmp_path):
+    """The same first flow for one cell in micrometers, and in meters with other units of time."""
+    r, faces = icosphere(2)
+    path = write_surface(tmp_path / "cell.stl", 1e-5 * r * [1.0, 1.0, 0.05], faces)
+    found = []
+    for length, time in ((1.0, 1.0), (1e-5, 60.0)):
+        p = Parameters(
+            R0=length, D=0.4 * length**2 / time, v_p0=6.0 * length / time, beta=1.0 / time,
+            delta_P=30.0 / (length * time), eta_s=1.0, eta_b=1.0, c0=3.0, c_r=1.0,
+        )  # fmt: skip
+        first = start(replace(config_of(path, perturbation=0.5), parameters=p))
+        found.append((first.rate, first.next_dt / time, first.flow.zeta0 * time))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-6)

@@ -28,8 +28,8 @@ Array = NDArray[np.float64]
 READERS = {"stl": read_stl, "ply": read_ply, "obj": read_obj}
 FORMATS = (*READERS, "vtp")
 PACKED = ("gz", "bz2", "xz", "zst", "zip", "7z")
-# Ten times what a text file of the largest mesh needs.
-MAX_FILE_SIZE = 2**28  # bytes
+# Five times what a text file of the largest mesh needs.
+MAX_FILE_SIZE = 2**27  # bytes
 # A file of the largest mesh takes a second.
 LONGEST_READING = 120.0  # seconds
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.surface.geometry import mesh_quality, triangle_quality
 from amoeboid.surface.mesh import Index
-from amoeboid.surface.stepping import LEAST_QUALITY
 
 Array = NDArray[np.float64]
 
@@ -248,12 +247,6 @@ def _taken(patch, i, faces, start, around):  # type: ignore[no-untyped-def]
 def _may_collapse(r, a, b, faces, start, around, longest):  # type: ignore[no-untyped-def]
     """Whether the triangles around an edge stay nearly parallel to what they were, and small."""
     x, y, z = 0.5 * (r[a, 0] + r[b, 0]), 0.5 * (r[a, 1] + r[b, 1]), 0.5 * (r[a, 2] + r[b, 2])
-    mx, my, mz = 0.0, 0.0, 0.0
-    for end in (a, b):
-        for place in range(start[end], start[end + 1]):
-            f = around[place]
-            px, py, pz, _ = _normal_and_quality(r, faces[f, 0], faces[f, 1], faces[f, 2])
-            mx, my, mz = mx + px, my + py, mz + pz
     for end, other in ((a, b), (b, a)):
         for place in range(start[end], start[end + 1]):
             f = around[place]
@@ -261,9 +254,7 @@ def _may_collapse(r, a, b, faces, start, around, longest):  # type: ignore[no-un
             j = _following(faces, f, i)
             if other in (i, j):
                 continue
-            px, py, pz, quality = _normal_and_quality(r, end, i, j)
-            if quality < LEAST_QUALITY:
-                px, py, pz = mx, my, mz
+            px, py, pz = _normal(r, end, i, j)
             ux, uy, uz = r[i, 0] - x, r[i, 1] - y, r[i, 2] - z
             vx, vy, vz = r[j, 0] - x, r[j, 1] - y, r[j, 2] - z
             wx, wy, wz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
@@ -285,15 +276,8 @@ def _may_collapse(r, a, b, faces, start, around, longest):  # type: ignore[no-un
 def _nearly_flat(r, a, b, c, d):  # type: ignore[no-untyped-def]
     """Whether the triangles abc, bad and those after a flip, adc, dbc, are nearly parallel."""
     normals = np.empty((4, 3))
-    thin = np.empty(4, np.bool_)
     for n, (i, j, k) in enumerate(((a, b, c), (b, a, d), (a, d, c), (d, b, c))):
-        x, y, z, quality = _normal_and_quality(r, i, j, k)
-        normals[n, 0], normals[n, 1], normals[n, 2] = x, y, z
-        thin[n] = quality < LEAST_QUALITY
-    for axis in range(3):
-        mean = normals[0, axis] + normals[1, axis]
-        for n in range(2):
-            normals[n, axis] = mean if thin[n] else normals[n, axis]
+        normals[n, 0], normals[n, 1], normals[n, 2] = _normal(r, i, j, k)
     for n in range(4):
         for m in range(n):
             inner, nn, mm = 0.0, 0.0, 0.0
@@ -307,18 +291,11 @@ def _nearly_flat(r, a, b, c, d):  # type: ignore[no-untyped-def]
 
 
 @nested
-def _normal_and_quality(r, i, j, k):  # type: ignore[no-untyped-def]
-    """Twice the area vector of a triangle, and its quality: one so thin has no normal of its own.
-
-    Where the quality is below LEAST_QUALITY callers take the normal of what is around.
-    """
+def _normal(r, i, j, k):  # type: ignore[no-untyped-def]
+    """Twice the area vector of a triangle."""
     ux, uy, uz = r[j, 0] - r[i, 0], r[j, 1] - r[i, 1], r[j, 2] - r[i, 2]
     vx, vy, vz = r[k, 0] - r[i, 0], r[k, 1] - r[i, 1], r[k, 2] - r[i, 2]
-    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
-    squares = 2.0 * (uu + vv - (ux * vx + uy * vy + uz * vz))
-    quality = 2.0 * np.sqrt(3.0) * np.sqrt(x * x + y * y + z * z) / squares if squares > 0 else 0.0
-    return x, y, z, quality
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
 def edges(r: Array, faces: Index) -> Edges:

@@ -112,6 +112,9 @@ def _cut_off(element: Element) -> Unreadable:
 
 
 def _text_records(elements: Sequence[Element], body: bytes) -> dict[str, Columns]:
+    for element in elements:
+        if 2 * element.count > len(body) + 1:  # a digit and a space each
+            raise _cut_off(element)
     values = numbers(words_of(body))
     records: dict[str, Columns] = {}
     at = 0

@@ -38,8 +38,6 @@ IMPROVEMENT = 0.8
 MAX_ROUNDS = 10
 # A strongly stretched mesh first becomes worse: its splits, collapses and flips are repeated.
 MAX_SWEEPS = 3
-# The same where an even mesh of another size is wanted; measured: at most 8 from 10 000 nodes.
-MAX_EVENING = 30
 # After an attempt in vain the next one waits until an edge is this much longer or shorter.
 EDGE_CHANGE = 1.1
 
@@ -66,7 +64,7 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
     new, faces = state, model.mesh.faces
     for _ in range(MAX_SWEEPS):
         before = faces
-        new, faces = _swept(new, faces, model.edge_length)
+        new, faces = swept(new, faces, model.edge_length)
         if faces is before:
             return model, state
         if _better(new.r, faces, state.r, model.mesh.faces, model.edge_length):
@@ -80,18 +78,7 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
     return Model(model.parameters, connectivity(faces), model.edge_length), new
 
 
-def evened(r: Array, faces: Index, edge_length: float) -> tuple[Array, Index]:
-    """Nodes (V, 3) and faces of a surface, remeshed with edges of about this length."""
-    state = State(0.0, r, np.ones(len(r)), 0.0, np.zeros(3))
-    for _ in range(MAX_EVENING):
-        before = faces
-        state, faces = _swept(state, faces, edge_length)
-        if faces is before:
-            break
-    return state.r, faces
-
-
-def _swept(state: State, faces: Index, edge_length: float) -> tuple[State, Index]:
+def swept(state: State, faces: Index, edge_length: float) -> tuple[State, Index]:
     """Splits, collapses and flips, each as long as there are any; the same if there are none."""
     # flips make room for more collapses
     for find in (splits, collapses, flips, collapses, flips):
