@@ -164,7 +164,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                left = self._step.one_pass(-x, -y) + x
+                left = self._step.one_pass(-x, -y, side=-1) + x
                 parts.append(self._restricted(self._step.solved(left, self._tolerance)))
         return float(np.linalg.norm(parts))
 
