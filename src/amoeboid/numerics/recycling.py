@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 # Most directions kept, and most new ones for one right-hand side.
-MAX_KEPT, MAX_NEW = 400, 80
+MAX_KEPT, MAX_NEW = 240, 80
 # A new image with a smaller share outside those of the kept directions is rounding.
 INDEPENDENT = 1e-12
 
@@ -40,11 +40,9 @@ class Recycling:
         array([0.5 , 0.25])
         """
         allowed = tolerance * np.linalg.norm(b)
-        x, rest = np.zeros_like(b), np.array(b)
-        for _ in range(2):  # twice: once leaves what rounding has cancelled
-            shares = self._images[: self._kept] @ rest
-            x += shares @ self._directions[: self._kept]
-            rest -= shares @ self._images[: self._kept]
+        shares = self._images[: self._kept] @ b
+        x = shares @ self._directions[: self._kept]
+        rest = b - shares @ self._images[: self._kept]
         for _ in range(MAX_NEW):
             if not np.linalg.norm(rest) > allowed:
                 break
@@ -60,10 +58,12 @@ class Recycling:
         """One more direction, towards `rest`, and its image of length 1; both are kept."""
         direction, image = np.array(rest), np.array(self._image(rest))
         size = np.linalg.norm(image)
-        for _ in range(2):
-            shares = self._images[: self._kept] @ image
-            direction -= shares @ self._directions[: self._kept]
-            image -= shares @ self._images[: self._kept]
+        shares = np.zeros(self._kept)
+        for _ in range(2):  # twice: once leaves what rounding has cancelled
+            more = self._images[: self._kept] @ image
+            image -= more @ self._images[: self._kept]
+            shares += more
+        direction -= shares @ self._directions[: self._kept]
         length = np.linalg.norm(image)
         if not length > INDEPENDENT * size:
             raise NoConvergence("linear equations have no solution that applications would show")

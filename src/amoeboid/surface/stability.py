@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.arnoldi import Ritz, ritz_values
+from amoeboid.numerics.arnoldi import ritz_values
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.recycling import NoConvergence
 from amoeboid.surface.geometry import Geometry, volume_centroid, weighted_area_gradient
@@ -41,7 +41,7 @@ Array = NDArray[np.float64]
 # its equations cannot be solved. Modes of shorter steps lie closer together.
 STEP, SHARES = 1.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
-TOLERANCE = 1e-6
+TOLERANCE = 1e-5
 # Smaller factors are modes that die out within a step, and noise.
 LEAST_FACTOR = 0.1
 # Estimated error of a rate at which it counts as found, in units of model.rate.
@@ -50,7 +50,9 @@ SETTLED = 0.02
 SHARPEST = 1e-3
 # Condition numbers of the compressed map are below those of the map itself, by up to so much.
 SAFETY = 3.0
-MIN_APPLICATIONS, MAX_APPLICATIONS = 8, 80
+# Share of the error that counts for little.
+LITTLE = 0.3
+MIN_APPLICATIONS, MAX_APPLICATIONS = 8, 100
 # The start has a part in every harmonic up to this degree.
 DEGREE = 3
 # Rigid motions that change the cell by less than this share of the largest are none: rotations of
@@ -102,38 +104,29 @@ def _with_steps(
     model: Model, state: State, flow: Flow, step: float, tolerance: float, settled: float
 ) -> Growth:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance)
-    best = Growth(None, problem="no slow disturbance was found")
+    wanted, sharpest = settled * model.rate, min(SHARPEST, settled) * model.rate
+    best = Growth(None, problem="no disturbance was found that decays slowly enough to be seen")
     for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
-        if count < MIN_APPLICATIONS:
+        seen = np.flatnonzero(np.abs(found.values) > LEAST_FACTOR)
+        if count < MIN_APPLICATIONS or not len(seen):
             continue
-        growth = _fastest(restricted, found, settled * model.rate)
-        if growth is None:
-            continue
-        best = growth
-        if growth.error < settled * model.rate and (
-            abs(growth.rate or 0.0) > growth.error or growth.error < SHARPEST * model.rate
-        ):
-            return growth
-        if count >= MAX_APPLICATIONS:
+        mu = found.values[seen]
+        rates = ((1.0 - 1.0 / mu) / restricted.dt).real
+        residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
+        first = int(np.argmax(rates))
+        rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
+        # that of the first, or what another may become
+        left = max(weight * residuals[first], float((rates + residuals).max()) - rate)
+        error = left
+        if left < wanted:
+            tested = restricted.residual(found.vector(int(seen[first])), mu[first])
+            error = max(left, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
+        best = Growth(rate, float(error))
+        found_out = error < wanted and (abs(rate) > error or error < sharpest)
+        # or it does not become less by further applications
+        if found_out or (left < wanted and left < LITTLE * error) or count >= MAX_APPLICATIONS:
             break
     return best
-
-
-def _fastest(restricted: RestrictedStep, found: Ritz, wanted: float) -> Growth | None:
-    """The fastest growing of the modes found so far, None if there is none."""
-    seen = np.flatnonzero(np.abs(found.values) > LEAST_FACTOR)
-    if not len(seen):
-        return None
-    rates = (1.0 - 1.0 / found.values[seen]) / restricted.dt
-    first = int(np.argmax(rates.real))
-    mu, condition = found.values[seen[first]], found.conditions[seen[first]]
-    per_residual = SAFETY * condition / (np.abs(mu) ** 2 * restricted.dt)
-    error = per_residual * found.residuals[seen[first]]
-    if error < wanted:
-        # put to the test
-        mode = found.vector(int(seen[first]))
-        error = max(error, per_residual * restricted.residual(mode, mu))
-    return Growth(float(rates[first].real), float(error))
 
 
 class RestrictedStep:
@@ -148,7 +141,7 @@ class RestrictedStep:
         slope /= (model.parameters.c0 + state.c)[:, None]
         self._left_out = _left_out(model, state, self._step.g, slope)
         images = [self._step.image(y, tolerance) for y in self._left_out.T]
-        self._of_left_out = np.stack(images, axis=1)
+        self._of_left_out = np.reshape(images, self._left_out.T.shape).T
         self._inverse = np.linalg.inv(self._left_out.T @ self._of_left_out)
 
     def image(self, y: Array) -> Array:
