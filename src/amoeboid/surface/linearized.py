@@ -19,7 +19,7 @@ from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import cortex, force_balance
 from amoeboid.surface.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.transport import implicit_matrix, net_gain
+from amoeboid.surface.transport import exchanged, implicit_matrix
 
 Array = NDArray[np.float64]
 
@@ -52,9 +52,7 @@ class LinearizedStep:
         u = v - normal_part(v, self.g.normals)
         beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, len(rest))
         self._beside = beside * self._scale
-        self._gain = {
-            side: net_gain(model, state.c + side * self._beside, self.g, u) for side in (1, -1)
-        }
+        self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
         self._entries, _ = implicit_matrix(model, self.g, u, dt)
         self._equations = Recycling(self._defect, 2 * len(rest))
 
@@ -87,7 +85,7 @@ class LinearizedStep:
         h += dt / p.R0 * zeta0 * self._by_tension
         v = v + zeta0 * self._near.slope
         u = v - normal_part(v, g.normals)
-        gain = net_gain(self.model, c + side * self._beside, g, u) - self._gain[side]
+        gain = self._gained(c, g, u, side) - self._gain[side]
         before = node_areas(self._moved(h_y), self.model.mesh.faces)
         numbers = before * (self.state.c + self._scale * c_y) - g.node_areas * c
         more = self._transported(numbers + dt * gain)
@@ -104,6 +102,11 @@ class LinearizedStep:
             self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c
         )
         return solution.v(self._zeta0), c, g
+
+    def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
+        """Filaments (V,) that nodes gain in a unit of time, on one side of the kinks."""
+        p = self.model.parameters
+        return exchanged(self.model, c + side * self._beside, g, u) + p.beta * p.c0 * g.node_areas
 
     def _moved(self, h: Array) -> Array:
         """Nodes (V, 3) at a height h R0 over those of the state."""

@@ -135,19 +135,18 @@ def rate_of_change(model: Model, c: Array, g: Geometry, velocity: Array) -> Arra
     Exact for a surface that does not move, velocity.n = 0; there it vanishes in a steady state,
     however the mesh drifts within the surface.
     """
-    return net_gain(model, c, g, velocity) / g.node_areas
+    p = model.parameters
+    return exchanged(model, c, g, velocity) / g.node_areas + p.beta * p.c0
 
 
-def net_gain(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> Array:
-    """Filaments that each node gains in a unit of time (V,) [N/T], by flow, diffusion, turnover.
+def exchanged(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> Array:
+    """Filaments that each node gains in a unit of time (V,) [N/T], but for those new at beta c0.
 
     `relative_velocity` (V, 3): of the filaments against the mesh.
     """
-    p, mesh = model.parameters, model.mesh
     entries = exchange(model, g, relative_velocity)
     added = added_diffusion(-entries, model)
     kept = returned_fluxes(added, c, np.full_like(c, np.inf), model) - diffusive_loss(
         added, c, model
     )
-    gain = product(entries, mesh, c) + kept
-    return np.asarray(gain + p.beta * p.c0 * g.node_areas)
+    return product(entries, model.mesh, c) + kept
