@@ -9,20 +9,21 @@ import pytest
 from amoeboid import simulation
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
-from amoeboid.config import Config, Mesh
+from amoeboid.config import Config, Initial, Mesh
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import evolve, start
-from amoeboid.surface import stability
+from amoeboid.surface import stability, stepping
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.rigid import gradient
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.stability import Growth, RestrictedStep, leading_growth_rate
-from amoeboid.surface.stepping import flow_of
+from amoeboid.surface.stepping import flow_of, semi_implicit_step
 from amoeboid.theory.linear import growth_rate
+from amoeboid.units import PAPER_CELL, to_simulation
 from surface.shapes import observed_orders
 
 STIFF = Parameters(D=0.4, v_p0=6.0)
@@ -32,6 +33,10 @@ TURNS = Parameters(D=0.4, v_p0=8.0, delta_P=20.0)
 NO_TURNOVER = Parameters(D=0.1, v_p0=0.75, beta=0.0)
 # filaments swept to the rear: the map is far from normal
 SWEPT = Parameters()
+VERY_SWEPT = Parameters(D=0.01, v_p0=5.0)
+PAPER = to_simulation(PAPER_CELL)[0]
+# without turnover, and without filaments at the front
+EMPTIED = Parameters(D=0.1, v_p0=3.0, beta=0.0)
 
 
 def fastest_axisymmetric(p):
@@ -45,12 +50,15 @@ def still(p, subdivisions):
     """A straight cell as soon as its changes no longer show, stable or not."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "leading_growth_rate", lambda *_: Growth(-1.0, 0.0))
-        *_, last = evolve(start(Config(parameters=p, mesh=Mesh(subdivisions=subdivisions))), LONG)
+            amplitude = min(3.0, 0.99 * p.c0)
+        config = Config(
+            parameters=p,
+            mesh=Mesh(subdivisions=subdivisions),
+            initial=Initial(perturbation=amplitude),
+        )
+        *_, last = evolve(start(config), config.time)
     assert last.ended == "steady"
     return last
-
-
-LONG = Config().time
 
 
 def rate_of(step, *args, **settings):
@@ -166,6 +174,104 @@ def test_motions_that_do_not_change_the_cell_are_no_disturbances(p, motions):
     g = geometry(state.r, model.mesh.faces)
     slope = gradient(state.c, g, model.mesh) / (p.c0 + state.c)[:, None]
     assert stability._left_out(model, state, g, slope).shape[1] == motions
+
+
+def dense_rates(step, dt=1.0, applied=np.eye):
+    """Growth rates of all disturbances of the restricted step, fastest first.
+
+    From its equations (1 - T) x = S y as full matrices, solved directly.
+    """
+    dt /= step.model.rate
+    restricted = RestrictedStep(step.model, step.state, step.flow, dt, 1e-10)
+    whole, n = restricted._step, 2 * step.model.mesh.n_nodes
+    none, every = np.zeros(n), applied(n)
+    T = np.stack([whole.one_pass(x, none) for x in every], axis=1)
+    S = np.stack([whole.one_pass(none, y) for y in every], axis=1)
+    B = np.linalg.solve(np.eye(n) - T, S)
+    Q = restricted._left_out
+    B -= B @ Q @ np.linalg.solve(Q.T @ B @ Q, Q.T @ B)
+    kept = np.linalg.qr(Q, mode="complete")[0][:, Q.shape[1] :]
+    mu = np.linalg.eigvals(kept.T @ B @ kept)
+    rates = (1 - 1 / mu[np.abs(mu) > 0.05]) / dt
+    return rates[np.argsort(-rates.real)]
+
+
+@pytest.mark.parametrize(
+    ("p", "subdivisions"),
+    [
+        (STIFF, 1),
+        (SOFT, 1),
+        (TURNS, 1),
+        (SWEPT, 1),
+        (NO_TURNOVER, 1),
+        pytest.param(STIFF, 2, marks=pytest.mark.slow),
+        pytest.param(SOFT, 2, marks=pytest.mark.slow),
+        pytest.param(TURNS, 2, marks=pytest.mark.slow),
+        pytest.param(SWEPT, 2, marks=pytest.mark.slow),
+        pytest.param(NO_TURNOVER, 2, marks=pytest.mark.slow),
+        pytest.param(PAPER, 2, marks=pytest.mark.slow),
+        pytest.param(VERY_SWEPT, 2, marks=pytest.mark.slow),
+        pytest.param(EMPTIED, 1, marks=pytest.mark.slow),
+    ],
+)
+def test_the_error_contains_the_rate_of_the_discrete_cell(p, subdivisions):
+    step = still(p, subdivisions)
+    exact = dense_rates(step)[0].real
+    for settled in (0.3, 0.02, 1e-3):
+        found = leading_growth_rate(step.model, step.state, step.flow, settled=settled)
+        print(f"{found} dense {exact:.6f}, off by {abs(found.rate - exact) / found.error:.2f}")
+        assert abs(found.rate - exact) <= found.error
+
+
+def test_rates_of_the_discrete_cell_do_not_depend_on_the_length_of_the_step():
+    """The equations are restricted, not what a step of some length makes of them."""
+    step = still(STIFF, 1)
+    one, other = (dense_rates(step, dt)[:3] for dt in (0.3, 1.0))
+    assert np.abs(one.real - other.real).max() < 1e-4
+
+
+def test_the_linearized_step_is_the_difference_of_two_steps(monkeypatch):
+    """Of steps whose nodes do not drift within the surface: that is no disturbance."""
+    monkeypatch.setattr(stepping, "relaxation", lambda r, *_: np.zeros_like(r))
+    step, dt = still(STIFF, 2), 0.05
+    model, state, p, size = step.model, step.state, step.model.parameters, 1e-5
+    linearized = LinearizedStep(model, state, step.flow, dt)
+    y = stability._start(state, model)
+    y /= np.abs(y).max()
+    c, h = np.split(size * y, 2)
+    normals, scale = linearized.g.normals, p.c0 + state.c
+    ends = []
+    for sign in (1, -1):
+        r = state.r + sign * p.R0 * h[:, None] * normals
+        disturbed = replace(state, r=r, c=state.c + sign * scale * c)
+        ends.append(semi_implicit_step(model, (disturbed,), dt, step.flow, 1e-9)[0])
+    moved = np.einsum("vi,vi->v", ends[0].r - ends[1].r, normals) / p.R0
+    expected = np.concatenate([(ends[0].c - ends[1].c) / scale, moved]) / (2 * size)
+    found = linearized.image(y, 1e-10)
+    print(np.abs(found - expected).max(), np.abs(expected).max())
+    assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("p", "subdivisions", "error"),
+    [
+        (PAPER, 3, 0.02),
+        (PAPER, 4, 0.01),
+        (SWEPT, 4, 0.012),
+        (VERY_SWEPT, 4, 0.01),
+        (EMPTIED, 3, 0.11),
+        (EMPTIED, 4, 0.03),
+    ],
+    ids=["paper, 642", "paper, 2562", "table", "swept", "emptied, 642", "emptied, 2562"],
+)
+def test_rates_of_swept_and_emptied_cells_are_found(p, subdivisions, error):
+    """Errors of the mesh, which falls short of a thin layer at the rear."""
+    step, exact = still(p, subdivisions), fastest_axisymmetric(p)
+    found = leading_growth_rate(step.model, step.state, step.flow)
+    print(f"{step.model.mesh.n_nodes} nodes: {found}, axisymmetric {exact:.5f}")
+    assert abs(found.rate - exact) < error + found.error
+    assert found.error < 0.2 * abs(found.rate)
 
 
 def test_it_repeats_bit_for_bit():

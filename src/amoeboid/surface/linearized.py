@@ -24,7 +24,7 @@ from amoeboid.surface.transport import exchanged, implicit_matrix
 Array = NDArray[np.float64]
 
 # Largest disturbance: small against what is not linear, large against rounding.
-AMPLITUDE = 1e-7
+AMPLITUDE = 1e-6
 # Flux correction compares neighbors, and has a kink where they are equal, as in a cell that is as
 # symmetric as its mesh. It is linearized for concentrations so far beside, relative to c0 + c, on
 # one side or on the opposite.
