@@ -50,11 +50,10 @@ def still(p, subdivisions):
     """A straight cell as soon as its changes no longer show, stable or not."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulation, "leading_growth_rate", lambda *_: Growth(-1.0, 0.0))
-            amplitude = min(3.0, 0.99 * p.c0)
         config = Config(
             parameters=p,
             mesh=Mesh(subdivisions=subdivisions),
-            initial=Initial(perturbation=amplitude),
+            initial=Initial(perturbation=min(3.0, 0.99 * p.c0)),
         )
         *_, last = evolve(start(config), config.time)
     assert last.ended == "steady"

@@ -25,9 +25,10 @@ Array = NDArray[np.float64]
 
 # Largest disturbance: small against what is not linear, large against rounding.
 AMPLITUDE = 1e-6
-# Flux correction compares neighbors, and has a kink where they are equal, as in a cell that is as
-# symmetric as its mesh. It is linearized for concentrations so far beside, relative to c0 + c, on
-# one side or on the opposite.
+# Flux correction compares neighbors, and flows from one to another with flows back. It has a kink
+# where they are equal, as in a cell that is as symmetric as its mesh. It is linearized for
+# concentrations and velocities so far beside, relative to c0 + c and rate R0, on one side or on the
+# opposite.
 BESIDE = 1e-5
 
 
@@ -50,8 +51,9 @@ class LinearizedStep:
         v, _, _ = self._velocity(rest, rest, rest)
         self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
         u = v - normal_part(v, self.g.normals)
-        beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, len(rest))
-        self._beside = beside * self._scale
+        beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, (len(rest), 4))
+        self._c_beside = beside[:, 0] * self._scale
+        self._u_beside = beside[:, 1:] * model.rate * model.parameters.R0
         self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
         self._entries, _ = implicit_matrix(model, self.g, u, dt)
         self._equations = Recycling(self._defect, 2 * len(rest))
@@ -106,7 +108,8 @@ class LinearizedStep:
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
         """Filaments (V,) that nodes gain in a unit of time, on one side of the kinks."""
         p = self.model.parameters
-        return exchanged(self.model, c + side * self._beside, g, u) + p.beta * p.c0 * g.node_areas
+        c, u = c + side * self._c_beside, u + side * self._u_beside
+        return exchanged(self.model, c, g, u) + p.beta * p.c0 * g.node_areas
 
     def _moved(self, h: Array) -> Array:
         """Nodes (V, 3) at a height h R0 over those of the state."""
