@@ -443,7 +443,7 @@ def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_aga
 
 
 def test_a_cell_whose_front_is_empty_ends_steady():
-    """Where flux correction rules, on a mesh that is too coarse, little is known of disturbances."""
+    """Where flux correction rules, on too coarse a mesh, little is known of disturbances."""
     config = Config(
         parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
         mesh=Mesh(subdivisions=1),

@@ -119,7 +119,7 @@ class Step:
 
     @property
     def stability(self) -> str:
-        """"stable" or "unstable", as far as the error of the growth rate tells, or "unknown"."""
+        """ "stable" or "unstable", as far as the error of the growth rate tells, or "unknown"."""
         if self.stability_problem:
             return "unknown"
         return "stable" if (self.growth or 0.0) < 0.0 else "unstable"

@@ -17,9 +17,9 @@ from amoeboid.simulation import evolve, start
 from amoeboid.surface import stability, stepping
 from amoeboid.surface.geometry import geometry
 from amoeboid.surface.initial import sphere
+from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model, State
 from amoeboid.surface.rigid import gradient
-from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.stability import Growth, RestrictedStep, leading_growth_rate
 from amoeboid.surface.stepping import flow_of, semi_implicit_step
 from amoeboid.theory.linear import growth_rate

@@ -6,8 +6,8 @@ to first order in the disturbance; so does one pass towards the solution of the 
 x = T x + S y, from disturbances y before the step. The passes themselves need not converge:
 (1 - T) x = S y is solved as what it is, a linear equation.
 
-A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the surface
-are none, so that the many slow modes of the mesh play no part.
+A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the
+surface are none, so that the many slow modes of the mesh play no part.
 """
 
 from __future__ import annotations
@@ -100,9 +100,7 @@ class LinearizedStep:
         """
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
-        solution = force_balance(
-            self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c
-        )
+        solution = force_balance(self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c)
         return solution.v(self._zeta0), c, g
 
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:

@@ -19,7 +19,6 @@ The cell may turn while it is disturbed, but slowly: as much as `dt` turns it is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,9 +131,7 @@ def _with_steps(
 class RestrictedStep:
     """A linearized step of length dt [T] without rigid motions of the cell; see the module."""
 
-    def __init__(
-        self, model: Model, state: State, flow: Flow, dt: float, tolerance: float
-    ) -> None:
+    def __init__(self, model: Model, state: State, flow: Flow, dt: float, tolerance: float) -> None:
         self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt)
         slope = gradient(state.c, self._step.g, model.mesh)

@@ -43,9 +43,7 @@ def transported(
     return model.scalar_solver.solve(entries, filaments + given_back + gained, guess=c_ahead)
 
 
-def implicit_matrix(
-    model: Model, g: Geometry, velocity: Array, dt: float
-) -> tuple[Array, Array]:
+def implicit_matrix(model: Model, g: Geometry, velocity: Array, dt: float) -> tuple[Array, Array]:
     """Entries (P,) of what c is multiplied by in an implicit step of length dt, an M-matrix, and
     the diffusion (P,) that was added to make it one."""
     entries = -dt * exchange(model, g, velocity)
