@@ -14,6 +14,7 @@ from amoeboid.parameters import Parameters
 from amoeboid.simulation import Rest, evolve, start
 from amoeboid.store import new_run
 from amoeboid.surface.mesh import icosphere
+from amoeboid.surface.stability import Growth
 from amoeboid.validation import InvalidInput
 from surface.written import write_surface
 
@@ -106,7 +107,15 @@ FLOAT_NAMES = (
 )
 LAYOUT = [
     (name, change)
-    for name in ("config", "step", "rest_known", "faces", "tried_known", *FLOAT_NAMES)
+    for name in (
+        "config",
+        "step",
+        "rest_known",
+        "rest_problem",
+        "faces",
+        "tried_known",
+        *FLOAT_NAMES,
+    )  # fmt: skip
     for change in (
         None,
         lambda a: a[None],
@@ -140,6 +149,7 @@ VALUES = [
     ("numbers", with_entry(1, -1.0)),
     ("rest_known", lambda a: a.astype(int)),
     ("rest_known", with_entry(1, True)),
+    ("rest", with_entry(2, -1.0)),
     ("frame_times", lambda a: a[::-1]),
     ("frame_times", lambda a: a[:-1]),
     ("frame_times", lambda a: np.append(a, a[-1] + 1)),
@@ -288,12 +298,19 @@ def test_no_pickle_is_ever_loaded(name, stored, tmp_path, capsys):
 def test_a_rest_that_begins_later_is_refused(tmp_path):
     step = start(CONFIG)
     path = tmp_path / "checkpoint.npz"
-    write_checkpoint(path, Checkpoint(CONFIG, replace(step, rest=Rest(0.1, None)), (0.0,)))
+    write_checkpoint(path, Checkpoint(CONFIG, replace(step, rest=Rest(0.1, Growth(None))), (0.0,)))
     with pytest.raises(InvalidInput, match="rest"):
         read_checkpoint(path)
 
 
-@pytest.mark.parametrize("rest", [Rest(0.0, None), Rest(0.0, -0.3), Rest(0.0, 0.3)])
+@pytest.mark.parametrize(
+    "rest",
+    [
+        Rest(0.0, Growth(None, problem="not found")),
+        Rest(0.0, Growth(-0.3, 0.1)),
+        Rest(0.0, Growth(0.3, 0.01)),
+    ],
+)
 def test_a_rest_is_read_back(rest, tmp_path):
     path = tmp_path / "checkpoint.npz"
     step = replace(start(CONFIG), rest=rest)

@@ -20,6 +20,7 @@ from amoeboid.cli.run import _stability
 from amoeboid.config import Config, Mesh
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Rest, start
+from amoeboid.surface.stability import Growth
 from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
@@ -32,7 +33,10 @@ RUN_KEYS = {
     "steps",
     "wall_s",
     "steady",
+    "stability",
+    "stability_problem",
     "growth_rate",
+    "growth_rate_error",
     "rate_of_change",
     "speed_growth",
     "output",
@@ -381,11 +385,31 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
 @pytest.mark.parametrize(
     ("rest", "words"),
     [
-        (Rest(0.0, -0.51234), "steady: its slowest disturbance decays at 0.512 per unit of time"),
-        (Rest(0.0, 0.004), "steady: its fastest disturbance grows at no more than 0.004 per unit"),
-        (Rest(0.0, 0.2), "unstable: its fastest disturbance grows at 0.2 per unit of time"),
-        (Rest(0.0, None), "steady: it stays; how fast disturbances decay could not be found"),
-        (Rest(-200.0, 0.2), "steady: a disturbance should grow at 0.2 per unit of time"),
+        (
+            Rest(0.0, Growth(-0.51234, 0.013)),
+            "steady and stable: its slowest disturbance decays at 0.512 +- 0.01 per unit of time",
+        ),
+        (
+            Rest(0.0, Growth(0.004, 0.001)),
+            "steady but unstable: its fastest disturbance grows, slowly, at 0.004 +- 0.001 per",
+        ),
+        (
+            Rest(0.0, Growth(0.2, 0.01)),
+            "unstable: its fastest disturbance grows at 0.2 +- 0.01 per unit of time",
+        ),
+        (
+            Rest(0.0, Growth(None, problem="no step converges")),
+            "steady, but its stability is unknown: no step converges",
+        ),
+        (
+            Rest(0.0, Growth(-0.2, 0.5)),
+            "steady, but its stability is unknown: the growth rate of the fastest disturbance, "
+            "-0.2 per unit of time, is only known to 0.5",
+        ),
+        (
+            Rest(-200.0, Growth(0.2, 0.01)),
+            "steady, but its stability is unknown: a disturbance should grow at 0.2 per unit of",
+        ),
         (None, "not steady: it still changes"),
     ],
 )

@@ -13,6 +13,7 @@ from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
 from amoeboid.surface.geometry import area, node_areas
+from amoeboid.surface.stability import Growth
 from amoeboid.surface.stepping import (
     difference,
     foreseen,
@@ -346,7 +347,7 @@ def test_a_straight_cell_that_is_unstable_is_not_steady_and_turns(monkeypatch):
     assert steps[-1].ended == "end of time"
     assert (directions[place:] @ directions[place]).min() < 0.5
     # without the analysis it ends there
-    monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: -1.0)
+    monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: Growth(-1.0, 0.0))
     _, before = steps_of(config)
     assert before[-1].ended == "steady"
     assert before[-1].number == known[0].number
@@ -387,7 +388,9 @@ def judged(monkeypatch, rates, growths, dt=0.1, first=1.0):
     monkeypatch.setattr(
         simulation, "_rate", lambda *_: (rate := next(rates), rate < simulation.STEADY)
     )
-    monkeypatch.setattr(simulation, "leading_growth_rate", lambda *_: next(growths))
+    monkeypatch.setattr(
+        simulation, "leading_growth_rate", lambda *_: Growth(next(growths), 0.0, "not found")
+    )
     step, found = replace(steps[-1], rate=first), []
     while True:
         history = (replace(step.state, t=step.state.t + dt), *step.history[:2])
@@ -448,7 +451,7 @@ def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_aga
 
 
 def test_a_cell_whose_front_is_empty_ends_steady():
-    """No less can be where nothing is: there are no small disturbances, and no rate of them."""
+    """Where flux correction rules, on too coarse a mesh, little is known of disturbances."""
     config = Config(
         parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
         mesh=Mesh(subdivisions=1),
@@ -458,7 +461,8 @@ def test_a_cell_whose_front_is_empty_ends_steady():
     _, steps = steps_of(config)
     assert steps[-1].ended == "steady"
     assert steps[-1].state.c.min() < 1e-8
-    assert steps[-1].growth is None
+    assert steps[-1].stability == "unknown"
+    assert "is only known to" in steps[-1].stability_problem
 
 
 def test_a_fast_unstable_cell_is_not_steady():

@@ -7,7 +7,7 @@ that this program could have written, or it is refused.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 from zipfile import is_zipfile
@@ -22,6 +22,7 @@ from amoeboid.surface.geometry import area, volume
 from amoeboid.surface.imported import FEWEST_NODES, MOST_NODES
 from amoeboid.surface.mesh import Connectivity, Index, connectivity
 from amoeboid.surface.model import Flow, Model, State, even_edge_length
+from amoeboid.surface.stability import Growth
 from amoeboid.surface.stepping import StepFailed, check_step
 from amoeboid.validation import InvalidInput
 
@@ -33,7 +34,8 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "step": (np.int64, (2,)),
     "numbers": (np.float64, (2,)),
     "rest_known": (np.bool_, (2,)),
-    "rest": (np.float64, (2,)),
+    "rest": (np.float64, (3,)),
+    "rest_problem": (np.str_, ()),
     "frame_times": (np.float64, ("frames",)),
     "faces": (np.int64, ("triangles", 3)),
     "edge_length": (np.float64, ()),
@@ -69,7 +71,10 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
         "rest_known": np.array([step.rest is not None, step.growth is not None]),
-        "rest": np.array([step.rest.since if step.rest else 0.0, step.growth or 0.0]),
+        "rest": np.array(
+            [step.rest.since if step.rest else 0.0, step.growth or 0.0, step.growth_error or 0.0]
+        ),
+        "rest_problem": np.array(step.rest.growth.problem if step.rest else ""),
         "frame_times": np.array(checkpoint.frame_times),
         "faces": step.model.mesh.faces,
         "edge_length": np.array(step.model.edge_length),
@@ -161,9 +166,11 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
 
 def _rest(arrays: dict[str, Array]) -> Rest | None:
     resting, growth_known = (bool(x) for x in arrays["rest_known"])
-    since, growth = (float(x) for x in arrays["rest"])
-    _require(resting or not growth_known, "growth is only known of a cell at rest", growth)
-    return Rest(since, growth if growth_known else None) if resting else None
+    since, rate, error = (float(x) for x in arrays["rest"])
+    _require(resting or not growth_known, "growth is only known of a cell at rest", rate)
+    _require(error >= 0, "the error of a growth rate must be >= 0", error)
+    growth = Growth(rate, error) if growth_known else Growth(None)
+    return Rest(since, replace(growth, problem=str(arrays["rest_problem"]))) if resting else None
 
 
 def _model(config: Config, arrays: dict[str, Array]) -> Model:

@@ -21,7 +21,7 @@ from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.rigid import changes, gradient, rotations
-from amoeboid.surface.stability import SETTLED, leading_growth_rate
+from amoeboid.surface.stability import SETTLED, Growth, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
     flow_of,
@@ -60,10 +60,10 @@ STABLE_GROWTH = 2.4
 @dataclass(frozen=True)
 class Rest:
     """What is known of a cell that no longer changes: since when [T], and how fast small
-    disturbances grow [1/T], None if that could not be found."""
+    disturbances grow."""
 
     since: float
-    growth: float | None
+    growth: Growth
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,10 @@ class Step:
 
     @property
     def steady(self) -> bool:
-        """Whether the cell does not change, and no small disturbance is known to grow."""
+        """Whether the cell does not change, and no small disturbance is known to grow.
+
+        It need not be stable for that: see `stability`.
+        """
         return self.rest is not None and not self.unstable
 
     @property
@@ -103,18 +106,50 @@ class Step:
     @property
     def in_vain(self) -> bool:
         """Whether growth has been waited for so long that it is none of the run."""
-        rest = self.rest
-        waited = 0.0 if rest is None else (self.state.t - rest.since) * (rest.growth or 0.0)
-        return self._grows and waited > PATIENCE
+        waited = 0.0 if self.rest is None else self.state.t - self.rest.since
+        return self._grows and waited * (self.growth or 0.0) > PATIENCE
 
     @property
     def _grows(self) -> bool:
-        return (self.growth or 0.0) > UNSTABLE * self.model.rate
+        least = max(UNSTABLE * self.model.rate, self.growth_error or 0.0)
+        return (self.growth or 0.0) > least
 
     @property
     def growth(self) -> float | None:
         """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
-        return None if self.rest is None else self.rest.growth
+        return None if self.rest is None else self.rest.growth.rate
+
+    @property
+    def growth_error(self) -> float | None:
+        """Error of `growth` [1/T], without that of the mesh."""
+        return None if self.rest is None or self.growth is None else self.rest.growth.error
+
+    @property
+    def stability(self) -> str:
+        """ "stable" or "unstable", as far as the error of the growth rate tells, or "unknown"."""
+        if self.stability_problem:
+            return "unknown"
+        return "stable" if (self.growth or 0.0) < 0.0 else "unstable"
+
+    @property
+    def stability_problem(self) -> str:
+        """Why it is not known whether the state is stable; empty if it is."""
+        if self.rest is None:
+            return "the cell still changes"
+        if self.growth is None or self.growth_error is None:
+            return self.rest.growth.problem
+        if self.in_vain:
+            return (
+                f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
+                "shown; the mesh may be too coarse for it, or time.max_step too long for an "
+                "oscillation"
+            )
+        if abs(self.growth) <= self.growth_error:
+            return (
+                f"the growth rate of the fastest disturbance, {self.growth:.3g} per unit of time, "
+                f"is only known to {self.growth_error:.2g}"
+            )
+        return ""
 
     @property
     def state(self) -> State:

@@ -95,7 +95,10 @@ def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
         "steps": last.number,
         "wall_s": round(wall_s, 3),
         "steady": last.steady,
+        "stability": last.stability,
+        "stability_problem": last.stability_problem or None,
         "growth_rate": last.growth,
+        "growth_rate_error": last.growth_error,
         "rate_of_change": last.rate * last.model.rate,
         "speed_growth": _speed_growth(run.rows, 1.0 / last.model.rate),
         "output": str(run.folder),
@@ -274,19 +277,15 @@ def _stability(last: Step) -> str:
     """Whether the state is steady, and what becomes of small disturbances of it."""
     if last.rest is None:
         return "the state is not steady: it still changes, or grows slowly from rest"
-    if last.growth is None:
-        return "the state is steady: it stays; how fast disturbances decay could not be found"
-    size = f"{number(abs(last.growth), 3)} per unit of time"
-    if last.in_vain:
-        return (
-            f"the state is steady: a disturbance should grow at {size} and has not shown; "
-            "the mesh may be too coarse for it, or time.max_step too long for an oscillation"
-        )
-    if last.unstable:
-        return f"the state is unstable: its fastest disturbance grows at {size}"
-    if last.growth > 0:
-        return f"the state is steady: its fastest disturbance grows at no more than {size}"
-    return f"the state is steady: its slowest disturbance decays at {size}"
+    if last.stability == "unknown":
+        return f"the state is steady, but its stability is unknown: {last.stability_problem}"
+    growth, error = last.growth or 0.0, last.growth_error or 0.0
+    size = f"{number(abs(growth), 3)} +- {number(error, 1)} per unit of time"
+    if last.stability == "stable":
+        return f"the state is steady and stable: its slowest disturbance decays at {size}"
+    if last.steady:
+        return f"the state is steady but unstable: its fastest disturbance grows, slowly, at {size}"
+    return f"the state is unstable: its fastest disturbance grows at {size}"
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,19 +11,37 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def ritz_values(
-    image: Callable[[Array], Array], start: Array
-) -> Iterator[tuple[NDArray[np.complex128], Array, Array]]:
-    """Yield approximate eigenvalues, the norms of their residuals, and their condition numbers.
+@dataclass(frozen=True, eq=False)
+class Ritz:
+    """Approximate eigenvalues after k applications, the norms of their residuals, and their
+    condition numbers, each (k,).
 
-    After every application of `image(x)`, the map; `start` (n,) must have a part in every mode that
-    is to be found. A residual, or an error of the map, changes an eigenvalue by up to its norm
-    times the condition number: 1 for a normal map. These are of the map compressed to the space
-    spanned so far, estimates for the map itself. Ends when that space is exhausted.
+    A residual, or an error of the map, changes an eigenvalue by up to its norm times the condition
+    number: 1 for a normal map. These are of the map compressed to the space spanned so far,
+    estimates for the map itself.
+    """
 
-    >>> for values, *_ in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
+    values: NDArray[np.complex128]
+    residuals: Array
+    conditions: Array
+    _vectors: NDArray[np.complex128]
+    _basis: list[Array]
+
+    def vector(self, k: int) -> NDArray[np.complex128]:
+        """The approximate eigenvector (n,) of length 1 of the value k."""
+        parts = self._vectors[:, k]
+        return np.asarray(sum(part * x for part, x in zip(parts, self._basis, strict=False)))
+
+
+def ritz_values(image: Callable[[Array], Array], start: Array) -> Iterator[Ritz]:
+    """Yield approximate eigenvalues of the linear map `image`(x) after every application.
+
+    `start` (n,) must have a part in every mode that is to be found. Ends when the space that it
+    spans is exhausted.
+
+    >>> for found in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
     ...     pass
-    >>> np.sort(values.real).round(12)
+    >>> np.sort(found.values.real).round(12)
     array([1., 2.])
     """
     basis = [start / np.linalg.norm(start)]
@@ -39,9 +58,9 @@ def ritz_values(
                 x = x - part * vector
         column[-1] = np.linalg.norm(x)
         H = np.column_stack([np.vstack([H, np.zeros(H.shape[1])]), column])
-        values, vectors = np.linalg.eig(H[:-1])
+        values, vectors = np.linalg.eig(H[:-1].astype(np.complex128))
         residuals = np.abs(column[-1] * vectors[-1])
-        yield values.astype(np.complex128), residuals, _conditions(vectors)
+        yield Ritz(values, residuals, _conditions(vectors), vectors, basis)
         if column[-1] <= 1e-14 * size:
             return
         basis.append(x / column[-1])

@@ -37,13 +37,20 @@ def transported(
     on returned fluxes. The result is >= 0 to rounding. Raises SingularMatrix.
     """
     p = model.parameters
-    entries = -dt * exchange(model, g, relative_velocity)
-    added = added_diffusion(entries, model)
+    entries, added = implicit_matrix(model, g, relative_velocity, dt)
     given_back = returned_fluxes(added, c_ahead, filaments, model)
-    entries -= added
-    entries[model.diagonal] += _sums(added, model) + g.node_areas
     gained = dt * p.beta * p.c0 * g.node_areas
     return model.scalar_solver.solve(entries, filaments + given_back + gained, guess=c_ahead)
+
+
+def implicit_matrix(model: Model, g: Geometry, velocity: Array, dt: float) -> tuple[Array, Array]:
+    """Entries (P,) of what c is multiplied by in an implicit step of length dt, an M-matrix, and
+    the diffusion (P,) that was added to make it one."""
+    entries = -dt * exchange(model, g, velocity)
+    added = added_diffusion(entries, model)
+    entries -= added
+    entries[model.diagonal] += _sums(added, model) + g.node_areas
+    return entries, added
 
 
 def exchange(model: Model, g: Geometry, velocity: Array) -> Array:
@@ -126,11 +133,18 @@ def rate_of_change(model: Model, c: Array, g: Geometry, velocity: Array) -> Arra
     Exact for a surface that does not move, velocity.n = 0; there it vanishes in a steady state,
     however the mesh drifts within the surface.
     """
-    p, mesh = model.parameters, model.mesh
-    entries = exchange(model, g, velocity)
+    p = model.parameters
+    return exchanged(model, c, g, velocity) / g.node_areas + p.beta * p.c0
+
+
+def exchanged(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> Array:
+    """Filaments that each node gains in a unit of time (V,) [N/T], but for those new at beta c0.
+
+    `relative_velocity` (V, 3): of the filaments against the mesh.
+    """
+    entries = exchange(model, g, relative_velocity)
     added = added_diffusion(-entries, model)
     kept = returned_fluxes(added, c, np.full_like(c, np.inf), model) - diffusive_loss(
         added, c, model
     )
-    gain = product(entries, mesh, c) + kept
-    return np.asarray(gain / g.node_areas + p.beta * p.c0)
+    return product(entries, model.mesh, c) + kept

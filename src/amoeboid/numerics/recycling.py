@@ -1,0 +1,86 @@
+"""Linear equations with one map and many right-hand sides, by what earlier ones have shown of it.
+
+Generalized conjugate residuals (S. C. Eisenstat, H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal.
+20, 345, 1983). Directions and their images are kept from one right-hand side to the next, so that
+later ones need few new applications.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Most directions kept, and most new ones for one right-hand side.
+MAX_KEPT, MAX_NEW = 240, 80
+# A new image with a smaller share outside those of the kept directions is rounding.
+INDEPENDENT = 1e-12
+
+
+class NoConvergence(ArithmeticError):
+    """The equations could not be solved to the tolerance."""
+
+
+class Recycling:
+    """Solver of `image`(x) = b for a linear map, x and b (n,)."""
+
+    def __init__(self, image: Callable[[Array], Array], n: int) -> None:
+        self._image = image
+        self._directions, self._images = np.empty((16, n)), np.empty((16, n))
+        self._kept, self._oldest = 0, 0
+
+    def solve(self, b: Array, tolerance: float) -> Array:
+        """x with |image(x) - b| <= tolerance |b|. Raises NoConvergence.
+
+        >>> solver = Recycling(lambda x: np.array([2.0, 4.0]) * x, 2)
+        >>> solver.solve(np.ones(2), 1e-12)
+        array([0.5 , 0.25])
+        """
+        allowed = tolerance * np.linalg.norm(b)
+        shares = self._images[: self._kept] @ b
+        x = shares @ self._directions[: self._kept]
+        rest = b - shares @ self._images[: self._kept]
+        for _ in range(MAX_NEW):
+            if not np.linalg.norm(rest) > allowed:
+                break
+            direction, image = self._new(rest)
+            share = image @ rest
+            x += share * direction
+            rest -= share * image
+        if not np.linalg.norm(rest) <= allowed:
+            raise NoConvergence("linear equations were not solved to the tolerance")
+        return x
+
+    def _new(self, rest: Array) -> tuple[Array, Array]:
+        """One more direction, towards `rest`, and its image of length 1; both are kept."""
+        direction, image = np.array(rest), np.array(self._image(rest))
+        size = np.linalg.norm(image)
+        shares = np.zeros(self._kept)
+        for _ in range(2):  # twice: once leaves what rounding has cancelled
+            more = self._images[: self._kept] @ image
+            image -= more @ self._images[: self._kept]
+            shares += more
+        direction -= shares @ self._directions[: self._kept]
+        length = np.linalg.norm(image)
+        if not length > INDEPENDENT * size:
+            raise NoConvergence("linear equations have no solution that applications would show")
+        direction, image = direction / length, image / length
+        place = self._place()
+        self._directions[place], self._images[place] = direction, image
+        return direction, image
+
+    def _place(self) -> int:
+        """A free place, or that of the oldest direction."""
+        if self._kept == MAX_KEPT:
+            place = self._oldest
+            self._oldest = (self._oldest + 1) % MAX_KEPT
+            return place
+        if self._kept == len(self._directions):
+            more = np.empty_like(self._directions)
+            self._directions = np.concatenate([self._directions, more])[:MAX_KEPT]
+            self._images = np.concatenate([self._images, more])[:MAX_KEPT]
+        self._kept += 1
+        return self._kept - 1

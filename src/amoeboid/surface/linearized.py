@@ -1,0 +1,119 @@
+"""An implicit Euler step of small disturbances of a steady cell, with one factorization.
+
+The equations of motion (force balance, area, filament balance) are those of the step, evaluated at
+a slightly disturbed state. The force balance near a known flow takes one back-substitution, exact
+to first order in the disturbance; so does one pass towards the solution of the implicit step,
+x = T x + S y, from disturbances y before the step. The passes themselves need not converge:
+(1 - T) x = S y is solved as what it is, a linear equation.
+
+A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the
+surface are none, so that the many slow modes of the mesh play no part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.numerics.recycling import Recycling
+from amoeboid.surface.force_balance import cortex, force_balance
+from amoeboid.surface.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
+from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.transport import exchanged, implicit_matrix
+
+Array = NDArray[np.float64]
+
+# Largest disturbance: small against what is not linear, large against rounding.
+AMPLITUDE = 1e-6
+# Flux correction compares neighbors, and flows from one to another with flows back. It has a kink
+# where they are equal, as in a cell that is as symmetric as its mesh. It is linearized for
+# concentrations and velocities so far beside, relative to c0 + c and rate R0, on one side or on the
+# opposite.
+BESIDE = 1e-5
+
+
+class LinearizedStep:
+    """What an implicit Euler step of length dt makes of small disturbances of `state`.
+
+    `flow`: that in the state, up to a small error. Raises SingularMatrix, InvalidInput.
+    """
+
+    def __init__(self, model: Model, state: State, flow: Flow, dt: float) -> None:
+        self.model, self.state, self.dt = model, state, dt
+        self.g = geometry(state.r, model.mesh.faces)
+        self._scale = model.parameters.c0 + state.c
+        self._zeta0, self._v_c = flow.zeta0, flow.v_c
+        self._near = cortex(model, state.r, self.g, dt, flow.zeta0, flow.v_c)
+        along = np.einsum("vi,vi->v", area_gradient(self.g, model.mesh.faces), self.g.normals)
+        self._area_gradient = along
+        self._by_tension = np.einsum("vi,vi->v", self._near.slope, self.g.normals)
+        rest = np.zeros(len(state.c))
+        v, _, _ = self._velocity(rest, rest, rest)
+        self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
+        u = v - normal_part(v, self.g.normals)
+        beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, (len(rest), 4))
+        self._c_beside = beside[:, 0] * self._scale
+        self._u_beside = beside[:, 1:] * model.rate * model.parameters.R0
+        self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
+        self._entries, _ = implicit_matrix(model, self.g, u, dt)
+        self._equations = Recycling(self._defect, 2 * len(rest))
+
+    def image(self, y: Array, tolerance: float) -> Array:
+        """The disturbance (2V,) after the step, from that before. Raises NoConvergence."""
+        return self.solved(self.one_pass(np.zeros_like(y), y), tolerance)
+
+    def solved(self, b: Array, tolerance: float) -> Array:
+        """x (2V,) with (1 - T) x = b up to `tolerance` |b|. Raises NoConvergence."""
+        return self._equations.solve(b, tolerance)
+
+    def _defect(self, x: Array) -> Array:
+        return x - self.one_pass(x, np.zeros_like(x))
+
+    def one_pass(self, x: Array, y: Array, side: int = 1) -> Array:
+        """T x + S y: an estimate of the disturbance after the step from x, one before, and y.
+
+        `side` (1 or -1): on which side of its kinks the flux correction is taken; see `BESIDE`.
+        """
+        size = max(np.abs(x).max(), np.abs(y).max())
+        if size == 0.0:
+            return np.zeros_like(x)
+        amplitude = AMPLITUDE / size
+        (c_x, h_x), (c_y, h_y) = np.split(amplitude * x, 2), np.split(amplitude * y, 2)
+        p, dt, area = self.model.parameters, self.dt, self._area_gradient
+        v, c, g = self._velocity(c_x, h_x, h_y)
+        h = h_y + dt / p.R0 * (np.einsum("vi,vi->v", v, g.normals) - self._v_n)
+        # the tension that keeps the area
+        zeta0 = -(area @ h) / (area @ self._by_tension) * p.R0 / dt
+        h += dt / p.R0 * zeta0 * self._by_tension
+        v = v + zeta0 * self._near.slope
+        u = v - normal_part(v, g.normals)
+        gain = self._gained(c, g, u, side) - self._gain[side]
+        before = node_areas(self._moved(h_y), self.model.mesh.faces)
+        numbers = before * (self.state.c + self._scale * c_y) - g.node_areas * c
+        more = self._transported(numbers + dt * gain)
+        return np.concatenate([c_x + more / self._scale, h]) / amplitude
+
+    def _velocity(self, c_x: Array, h_x: Array, h_y: Array) -> tuple[Array, Array, Geometry]:
+        """Velocity (V, 3), c (V,) and geometry, disturbed by x, with tension of the state.
+
+        Implicit tension acts on what the step moves the shape beyond x.
+        """
+        c, r = self.state.c + self._scale * c_x, self._moved(h_x)
+        g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
+        solution = force_balance(self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c)
+        return solution.v(self._zeta0), c, g
+
+    def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
+        """Filaments (V,) that nodes gain in a unit of time, on one side of the kinks."""
+        p = self.model.parameters
+        c, u = c + side * self._c_beside, u + side * self._u_beside
+        return exchanged(self.model, c, g, u) + p.beta * p.c0 * g.node_areas
+
+    def _moved(self, h: Array) -> Array:
+        """Nodes (V, 3) at a height h R0 over those of the state."""
+        return np.asarray(self.state.r + self.model.parameters.R0 * h[:, None] * self.g.normals)
+
+    def _transported(self, numbers: Array) -> Array:
+        """What becomes of `numbers` of filaments (V,) that a step adds: a concentration (V,)."""
+        rest = np.zeros_like(numbers)
+        return self.model.scalar_solver.solve(self._entries, numbers, guess=rest)
