@@ -11,7 +11,7 @@ The area is exact after every step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
     area_along,
+    area_centroid,
     face_vectors,
     geometry,
     mesh_quality,
@@ -68,23 +69,27 @@ def semi_implicit_step(
     dt: float,
     before: Flow | None = None,
     tolerance: float = np.inf,
+    turning: Array | None = None,
 ) -> tuple[State, Flow, float]:
     """The state after dt, the flow that led there, and the error of the step.
 
     `history`: the present state and, if there are, those of the steps before. Two make the step;
     from the present state alone it is of first order. `before`: the flow of the last step, on the
     same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step;
-    the passes may take a small share of it. Raises StepFailed, SingularMatrix.
+    the passes may take a small share of it. `turning` (3,): the rate [1/T] at which the nodes turn
+    with the cell (None: not at all). Raises StepFailed, SingularMatrix.
     """
+    t = history[0].t + dt
+    history = [_turned(model, state, turning, t) for state in history]
     past = history[:2]
-    now, t = past[0], past[0].t + dt
+    now = past[0]
     ahead, expected = foreseen(past, t), foreseen(history, t)
     r_ahead, c_ahead = ahead.r, np.maximum(ahead.c, 0.0)
 
     known = _known(model, past, t)
     r_known, implicit = known[0].r, known[0].dt
     g = geometry(r_ahead, model.mesh.faces)
-    v_c = None if before is None else before.v_c
+    v_c = None if before is None else _rotated(before.v_c, turning, dt)
     near = cortex(model, r_ahead, g, implicit, now.zeta0, v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = r_known + implicit * drift
@@ -97,11 +102,13 @@ def semi_implicit_step(
     while True:
         if len(passes) >= PATIENCE:
             near = cortex(model, r, g, implicit, zeta0, v_c)
-        solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c, turning)
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
-        flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
-        v_c, g = flow.v_c, geometry(r_new, model.mesh.faces)
+        v_c, normals, areas = v - solution.v_p, g.normals, g.node_areas
+        spin = 0.0 if turning is None else np.cross(turning, r - area_centroid(r, g))
+        flow = Flow(v_c + spin, solution.v_p, zeta0, normals, areas)
+        g = geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
         of_order = expected if order == len(past) else ahead
@@ -121,17 +128,45 @@ def semi_implicit_step(
 
 
 def starting_step(
-    model: Model, now: State, dt: float, before: Flow | None, tolerance: float
+    model: Model,
+    now: State,
+    dt: float,
+    before: Flow | None,
+    tolerance: float,
+    turning: Array | None = None,
 ) -> tuple[State, Flow, float]:
     """The state after dt from one without a past, the flow there, and the error of the step.
 
     Two implicit Euler steps of half the length; how far one of the whole length ends from there is
     their error. Damps what a new mesh has put out of balance, which no past could foresee.
     """
-    whole, _, _ = semi_implicit_step(model, (now,), dt, before, tolerance)
-    half, flow, _ = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance)
-    new, flow, _ = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance)
+    whole, _, _ = semi_implicit_step(model, (now,), dt, before, tolerance, turning)
+    half, flow, _ = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance, turning)
+    new, flow, _ = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance, turning)
     return new, flow, difference(model, (new.r, new.c), (whole.r, whole.c), flow.normals)
+
+
+def _turned(model: Model, state: State, turning: Array | None, t: float) -> State:
+    """`state` as it is in axes that turn, and at time t coincide with those that do not."""
+    if turning is None:
+        return state
+    center = volume_centroid(state.r, model.mesh.faces)
+    r = center + _rotated(state.r - center, turning, t - state.t)
+    return replace(state, r=r)
+
+
+def _rotated(vectors: Array, turning: Array | None, time: float) -> Array:
+    """Vectors (V, 3) after they have turned at the rate `turning` (3,) for a time."""
+    if turning is None:
+        return vectors
+    angle = float(np.linalg.norm(turning)) * time
+    if angle == 0.0:
+        return vectors
+    axis = turning * (time / angle)
+    across = np.cross(axis, vectors)
+    return np.asarray(
+        vectors + np.sin(angle) * across + (1.0 - np.cos(angle)) * np.cross(axis, across)
+    )
 
 
 @dataclass(frozen=True, eq=False)
