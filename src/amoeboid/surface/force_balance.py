@@ -49,6 +49,7 @@ from amoeboid.surface.operators import (
     stiffness,
     tensile_stiffness,
 )
+from amoeboid.surface.rigid import spin
 
 Array = NDArray[np.float64]
 
@@ -170,7 +171,7 @@ def force_balance(
     kept = constraints(r, g, mesh.faces)
     drift = np.concatenate([kept[:, :3].T @ v_p.ravel(), np.zeros(3)])
     if turning is not None:
-        drift[3:] = kept[:, 3:].T @ np.cross(turning, r).ravel()
+        drift[3:] = kept[:, 3:].T @ spin(turning, r).ravel()
     v = v_p + _in_frame(near.factor.solve(force.ravel()), near.free, kept, drift)
     return TensionFlow(rest=v - zeta0 * near.slope, slope=near.slope, v_p=v_p)
 

@@ -1,4 +1,4 @@
-"""What motions of the whole cell make of shape and concentration at its nodes."""
+"""Motions of the whole cell: what they make of shape and concentration, and how fast it turns."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
@@ -16,7 +17,7 @@ from amoeboid.surface.geometry import (
 )
 from amoeboid.surface.mesh import Connectivity
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.operators import advection, mass, product
+from amoeboid.surface.operators import mass, product
 from amoeboid.surface.transport import rate_of_change
 
 Array = NDArray[np.float64]
@@ -68,23 +69,66 @@ def rotations(x: Array) -> list[Array]:
 def turning(model: Model, state: State, flow: Flow) -> Array:
     """Rate (3,) [1/T] at which shape and concentration turn, in the frame of `flow`.
 
-    That of the rotation which comes closest to how both change.
+    That of the rotation which comes closest to how both change. A cell that only turns, as on a
+    circle, does so at exactly this rate in the discrete equations as well.
     """
     p, mesh, c = model.parameters, model.mesh, state.c
     g = geometry(state.r, mesh.faces)
-    x = (state.r - volume_centroid(state.r, mesh.faces)) / p.R0
+    x = state.r - volume_centroid(state.r, mesh.faces)
+    # rates of change where the points of the surface move along its normals: of those that the
+    # cell would have to turn around the axes, in columns, and of what it does
+    tilt = _moments(x, g.normals)
+    carried = _carried(g.face_areas, g.gradients, mesh.faces, c, x) / g.node_areas[:, None]
+    v_n = np.einsum("vi,vi->v", flow.v, g.normals)
+    c_rate = rate_of_change(model, c, g, flow.v)
     bend = np.einsum("vi,vi->v", area_gradient(g, mesh.faces), g.normals) / g.node_areas
-
-    def changed(of_c: Array, v: Array) -> Array:
-        v_n = np.einsum("vi,vi->v", v, g.normals)
-        return np.concatenate([(of_c - bend * v_n * c) / (p.c0 + c), v_n / p.R0])
-
-    # as the filament balance itself makes a pattern turn
-    made = [
-        changed(product(advection(g, mesh, v), mesh, c) / g.node_areas, v)
-        for v in (p.R0 * motion for motion in rotations(x))
-    ]
-    basis = np.stack(made, axis=1)
-    weighted = np.tile(g.node_areas / g.area, 2)[:, None] * basis
-    change = changed(rate_of_change(model, c, g, flow.v), flow.v)
+    of_c, of_r = 1.0 / (p.c0 + c), 1.0 / p.R0
+    basis = np.concatenate([(of_c * (carried - (bend * c)[:, None] * tilt).T).T, of_r * tilt])
+    change = np.concatenate([of_c * (c_rate - bend * c * v_n), of_r * v_n])
+    weighted = (np.tile(g.node_areas / g.area, 2) * basis.T).T
     return np.linalg.solve(basis.T @ weighted + LEAST_CHANGE * np.eye(3), weighted.T @ change)
+
+
+@compiled
+def _moments(x, normals):  # type: ignore[no-untyped-def]
+    # normal motion of the unit rotations: (e x x).n = e.(x x n)
+    moments = np.empty(x.shape)
+    for i in range(x.shape[0]):
+        for d in range(3):
+            p, q = (d + 1) % 3, (d + 2) % 3
+            moments[i, d] = x[i, p] * normals[i, q] - x[i, q] * normals[i, p]
+    return moments
+
+
+@compiled
+def _carried(areas, gradients, faces, c, x):  # type: ignore[no-untyped-def]
+    # (V, 3): `advection` by the unit rotations times c, integrals of c (e x x).grad phi
+    carried = np.zeros(x.shape)
+    for f in range(faces.shape[0]):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        share, total = areas[f] / 12.0, c[i] + c[j] + c[k]
+        a, b, w = share * (total + c[i]), share * (total + c[j]), share * (total + c[k])
+        px = a * x[i, 0] + b * x[j, 0] + w * x[k, 0]
+        py = a * x[i, 1] + b * x[j, 1] + w * x[k, 1]
+        pz = a * x[i, 2] + b * x[j, 2] + w * x[k, 2]
+        for n in range(3):
+            v, gx, gy, gz = faces[f, n], gradients[f, n, 0], gradients[f, n, 1], gradients[f, n, 2]
+            carried[v, 0] += py * gz - pz * gy
+            carried[v, 1] += pz * gx - px * gz
+            carried[v, 2] += px * gy - py * gx
+    return carried
+
+
+def turned(vectors: Array, rate: Array, time: float) -> Array:
+    """Vectors (V, 3) after they have turned at `rate` (3,) [1/T] for a time."""
+    angle = float(np.linalg.norm(rate)) * time
+    if angle == 0.0:
+        return vectors
+    axis = rate * (time / angle)
+    across = np.cross(axis, np.eye(3))
+    return vectors + vectors @ (np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across)
+
+
+def spin(rate: Array, x: Array) -> Array:
+    """Velocities (V, 3) of points x (V, 3) that turn around the origin at `rate` (3,)."""
+    return x @ np.cross(rate, np.eye(3))

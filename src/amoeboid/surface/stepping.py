@@ -33,6 +33,7 @@ from amoeboid.surface.geometry import (
 from amoeboid.surface.intersections import embedded
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import relaxation
+from amoeboid.surface.rigid import spin, turned
 from amoeboid.surface.transport import transported
 
 Array = NDArray[np.float64]
@@ -89,7 +90,9 @@ def semi_implicit_step(
     known = _known(model, past, t)
     r_known, implicit = known[0].r, known[0].dt
     g = geometry(r_ahead, model.mesh.faces)
-    v_c = None if before is None else _rotated(before.v_c, turning, dt)
+    v_c = None if before is None else before.v_c
+    if v_c is not None and turning is not None:
+        v_c = turned(v_c, turning, dt)
     near = cortex(model, r_ahead, g, implicit, now.zeta0, v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
     start = r_known + implicit * drift
@@ -106,8 +109,8 @@ def semi_implicit_step(
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
         v_c, normals, areas = v - solution.v_p, g.normals, g.node_areas
-        spin = 0.0 if turning is None else np.cross(turning, r - area_centroid(r, g))
-        flow = Flow(v_c + spin, solution.v_p, zeta0, normals, areas)
+        turns = 0.0 if turning is None else spin(turning, r - area_centroid(r, g))
+        flow = Flow(v_c + turns, solution.v_p, zeta0, normals, areas)
         g = geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
@@ -151,22 +154,8 @@ def _turned(model: Model, state: State, turning: Array | None, t: float) -> Stat
     if turning is None:
         return state
     center = volume_centroid(state.r, model.mesh.faces)
-    r = center + _rotated(state.r - center, turning, t - state.t)
+    r = center + turned(state.r - center, turning, t - state.t)
     return replace(state, r=r)
-
-
-def _rotated(vectors: Array, turning: Array | None, time: float) -> Array:
-    """Vectors (V, 3) after they have turned at the rate `turning` (3,) for a time."""
-    if turning is None:
-        return vectors
-    angle = float(np.linalg.norm(turning)) * time
-    if angle == 0.0:
-        return vectors
-    axis = turning * (time / angle)
-    across = np.cross(axis, vectors)
-    return np.asarray(
-        vectors + np.sin(angle) * across + (1.0 - np.cos(angle)) * np.cross(axis, across)
-    )
 
 
 @dataclass(frozen=True, eq=False)
