@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +18,7 @@ from amoeboid.surface.geometry import Geometry, geometry, volume_centroid
 from amoeboid.surface.initial import initial_state
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import remeshed
-from amoeboid.surface.rigid import changes, gradient, rotations, turning
+from amoeboid.surface.rigid import changes, gradient, rotations
 from amoeboid.surface.stability import SETTLED, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
@@ -109,11 +108,6 @@ class Step:
     def growth(self) -> float | None:
         """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
         return None if self.rest is None else self.rest.growth
-
-    @cached_property
-    def turning(self) -> Array:
-        """Rate (3,) [1/T] at which the cell turns, in axes that do not."""
-        return turning(self.model, self.state, self.flow)
 
     @property
     def state(self) -> State:
@@ -212,9 +206,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         # do not leave a sliver for the last step
         length = remaining if dt > 0.999 * remaining else dt
         try:
-            state, flow, error = _tried(
-                model, past, length, flow_before, time.tolerance, step.turning
-            )
+            state, flow, error = _tried(model, past, length, flow_before, time.tolerance)
         except (StepFailed, SingularMatrix, InvalidInput) as failure:
             # InvalidInput: the law is not defined at a concentration that this step would need
             why = str(failure)
@@ -254,17 +246,12 @@ def _accepted(
 
 
 def _tried(
-    model: Model,
-    past: Sequence[State],
-    dt: float,
-    before: Flow | None,
-    tolerance: float,
-    turning: Array,
+    model: Model, past: Sequence[State], dt: float, before: Flow | None, tolerance: float
 ) -> tuple[State, Flow, float]:
     """The state after dt, the flow there, and the error of the step."""
     if len(past) == 1:
-        return starting_step(model, past[0], dt, before, tolerance, turning)
-    return semi_implicit_step(model, past, dt, before, tolerance, turning)
+        return starting_step(model, past[0], dt, before, tolerance)
+    return semi_implicit_step(model, past, dt, before, tolerance)
 
 
 def _next_length(step: Step) -> float:

@@ -11,12 +11,11 @@ from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.geometry import (
     Geometry,
     area_gradient,
-    geometry,
     scatter,
     volume_centroid,
 )
 from amoeboid.surface.mesh import Connectivity
-from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.model import Model
 from amoeboid.surface.operators import mass, product
 from amoeboid.surface.transport import rate_of_change
 
@@ -66,21 +65,20 @@ def rotations(x: Array) -> list[Array]:
     return [np.cross(axis, x) for axis in np.eye(3)]
 
 
-def turning(model: Model, state: State, flow: Flow) -> Array:
-    """Rate (3,) [1/T] at which shape and concentration turn, in the frame of `flow`.
+def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:
+    """Rate (3,) [1/T] at which shape and concentration turn, in the axes of the velocity v (V, 3).
 
     That of the rotation which comes closest to how both change. A cell that only turns, as on a
     circle, does so at exactly this rate in the discrete equations as well.
     """
-    p, mesh, c = model.parameters, model.mesh, state.c
-    g = geometry(state.r, mesh.faces)
-    x = state.r - volume_centroid(state.r, mesh.faces)
+    p, mesh = model.parameters, model.mesh
+    x = r - volume_centroid(r, mesh.faces)
     # rates of change where the points of the surface move along its normals: of those that the
     # cell would have to turn around the axes, in columns, and of what it does
     tilt = _moments(x, g.normals)
     carried = _carried(g.face_areas, g.gradients, mesh.faces, c, x) / g.node_areas[:, None]
-    v_n = np.einsum("vi,vi->v", flow.v, g.normals)
-    c_rate = rate_of_change(model, c, g, flow.v)
+    v_n = np.einsum("vi,vi->v", v, g.normals)
+    c_rate = rate_of_change(model, c, g, v)
     bend = np.einsum("vi,vi->v", area_gradient(g, mesh.faces), g.normals) / g.node_areas
     of_c, of_r = 1.0 / (p.c0 + c), 1.0 / p.R0
     basis = np.concatenate([(of_c * (carried - (bend * c)[:, None] * tilt).T).T, of_r * tilt])
