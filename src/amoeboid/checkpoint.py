@@ -48,6 +48,7 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "flow_vectors": (np.float64, (3, "nodes", 3)),
     "flow_areas": (np.float64, ("nodes",)),
     "flow_zeta0": (np.float64, ()),
+    "flow_turning": (np.float64, (3,)),
 }
 
 
@@ -87,6 +88,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
         "flow_areas": step.flow.node_areas,
         "flow_zeta0": np.array(step.flow.zeta0),
+        "flow_turning": step.flow.turning,
     }
     with path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
@@ -215,7 +217,8 @@ def _flow(arrays: dict[str, Array]) -> Flow:
     v_c, v_p, normals = arrays["flow_vectors"]
     areas = arrays["flow_areas"]
     _require(areas.min() > 0, "areas of nodes must be > 0", areas.min())
-    return Flow(v_c, v_p, float(arrays["flow_zeta0"]), normals, areas)
+    tension, turning = float(arrays["flow_zeta0"]), arrays["flow_turning"]
+    return Flow(v_c, v_p, tension, normals, areas, turning)
 
 
 def _check_shape(model: Model, history: tuple[State, ...]) -> None:

@@ -3,9 +3,19 @@
 import numpy as np
 import pytest
 
-from amoeboid.surface.geometry import geometry
+from amoeboid.parameters import Parameters
+from amoeboid.surface.geometry import geometry, volume_centroid
+from amoeboid.surface.initial import sphere
 from amoeboid.surface.mesh import connectivity, icosphere
-from amoeboid.surface.rigid import changes, gradient, rotations, translations
+from amoeboid.surface.rigid import (
+    changes,
+    gradient,
+    rotations,
+    spin,
+    translations,
+    turned,
+    turning_rate,
+)
 from surface.shapes import observed_orders
 
 
@@ -42,3 +52,49 @@ def test_changes_are_those_at_fixed_places(motions):
         c, h = np.split(found, 2)
         np.testing.assert_allclose(c, (bumpy(before)[0] - value) / small, atol=1e-4)
         np.testing.assert_allclose(h, np.einsum("vi,vi->v", motion, x) / 2.0, atol=1e-12)
+
+
+def lopsided():
+    """A cell without symmetry in which diffusion rules, and a smooth flow within it."""
+    model, state = sphere(Parameters(D=3.0), 2)
+    x = state.r
+    r = x * (1.0 + 0.05 * x[:, :1] * x[:, 1:2] + 0.03 * x[:, 2:] ** 3)
+    c = 3.0 + 2.0 * x[:, 0] + x[:, 1] * x[:, 2] + x[:, 2] ** 2
+    v = np.stack([0.3 * x[:, 1] * x[:, 2], x[:, 2] ** 2, 0.2 * x[:, 0] - x[:, 1]], axis=1)
+    return model, r, c, v
+
+
+def rate_of(model, r, c, v):
+    return turning_rate(model, r, c, geometry(r, model.mesh.faces), v)
+
+
+def test_a_cell_that_is_turned_in_addition_turns_by_that_faster():
+    model, r, c, v = lopsided()
+    more = np.array([0.2, -0.5, 0.3])
+    faster = v + spin(more, r - volume_centroid(r, model.mesh.faces))
+    found = rate_of(model, r, c, faster) - rate_of(model, r, c, v)
+    np.testing.assert_allclose(found, more, rtol=5e-3)
+
+
+def test_the_rate_of_turning_turns_with_the_cell():
+    model, r, c, v = lopsided()
+    angle = np.array([0.4, 1.1, -0.7])
+    found = rate_of(model, turned(r, angle, 1.0), c, turned(v, angle, 1.0))
+    expected = turned(rate_of(model, r, c, v)[None], angle, 1.0)[0]
+    assert np.linalg.norm(expected) > 0.05
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+def test_a_homogeneous_sphere_does_not_turn():
+    model, state = sphere(Parameters(), 2)
+    found = rate_of(model, state.r, state.c, spin(np.array([0.0, 0.0, 1.0]), state.r))
+    assert np.linalg.norm(found) < 0.05
+
+
+def test_points_turn_at_their_velocities():
+    x, rate, short = icosphere(1)[0], np.array([0.3, -0.2, 0.5]), 1e-6
+    moved = (turned(x, rate, short) - turned(x, rate, -short)) / (2.0 * short)
+    np.testing.assert_allclose(moved, spin(rate, x), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(turned(x, rate, 7.0), axis=1), 1.0, atol=1e-14)
+    whole = 2.0 * np.pi / np.linalg.norm(rate)
+    np.testing.assert_allclose(turned(x, rate, whole), x, atol=1e-14)

@@ -49,6 +49,7 @@ from amoeboid.surface.operators import (
     stiffness,
     tensile_stiffness,
 )
+from amoeboid.surface.rigid import spin
 
 Array = NDArray[np.float64]
 
@@ -138,6 +139,7 @@ def force_balance(
     zeta0: float,
     ahead: Array | None = None,
     v_c: Array | None = None,
+    turning: Array | None = None,
 ) -> TensionFlow:
     """Solve the force balance on the shape r (V, 3) with concentration c (V,), with one `near` it.
 
@@ -145,7 +147,8 @@ def force_balance(
     itself there, and as far from it as `near` says. `ahead` (V, 3): what r is ahead of the known
     part of the step (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c`
     (V, 3): an estimate of the solution; with it the viscosity is that of r itself up to the error
-    of the estimate, without it that of `near`. Main text, force balance below `vp`; SI
+    of the estimate, without it that of `near`. `turning` (3,): the rate [1/T] at which the frame
+    turns (None: not); all velocities are those in it. Main text, force balance below `vp`; SI
     `forcebalance2`. Raises InvalidInput where v_p(c) is not defined.
     """
     p, mesh = model.parameters, model.mesh
@@ -166,7 +169,9 @@ def force_balance(
     resisted = product(near.damping, mesh, v_n) + product(near.tension, mesh, moved)
     force -= resisted[:, None] * near.normals
     kept = constraints(r, g, mesh.faces)
-    drift = kept[:, :3].T @ v_p.ravel()
+    drift = np.concatenate([kept[:, :3].T @ v_p.ravel(), np.zeros(3)])
+    if turning is not None:
+        drift[3:] = kept[:, 3:].T @ spin(turning, r).ravel()
     v = v_p + _in_frame(near.factor.solve(force.ravel()), near.free, kept, drift)
     return TensionFlow(rest=v - zeta0 * near.slope, slope=near.slope, v_p=v_p)
 
@@ -174,11 +179,10 @@ def force_balance(
 def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) -> Array:
     """v_c (3V,) as (V, 3), with what of `free` (3V, 6) fulfills the constraints `kept` (3V, 6).
 
-    `drift` (3,) is what v_p adds to the first three. The forces that this takes vanish with the
-    time step and the mesh width.
+    `drift` (6,) is what v_p adds to the first three, and the turning of the frame to the others.
+    The forces that this takes vanish with the time step and the mesh width.
     """
-    excess = kept.T @ v_c
-    excess[:3] += drift
+    excess = kept.T @ v_c + drift
     return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
 
 

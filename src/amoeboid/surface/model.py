@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -99,7 +99,8 @@ class Flow:
     """Velocities at the nodes (V, 3) in the frame of the nodes, and the tension with them.
 
     v_c cortex velocity, v_p polymerization velocity; v = v_c + v_p moves the shape. `normals`
-    (V, 3) outward, `node_areas` (V,) their share of the area.
+    (V, 3) outward, `node_areas` (V,) their share of the area. `turning` (3,) [1/T]: the rate at
+    which the cell turns, and the nodes with it, in axes that do not.
     """
 
     v_c: Array
@@ -107,6 +108,7 @@ class Flow:
     zeta0: float
     normals: Array
     node_areas: Array
+    turning: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def v(self) -> Array:

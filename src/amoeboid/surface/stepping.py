@@ -11,7 +11,7 @@ The area is exact after every step.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
     area_along,
+    area_centroid,
     face_vectors,
     geometry,
     mesh_quality,
@@ -32,6 +33,7 @@ from amoeboid.surface.geometry import (
 from amoeboid.surface.intersections import embedded
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.relaxation import relaxation
+from amoeboid.surface.rigid import spin, turned, turning_rate
 from amoeboid.surface.transport import transported
 
 Array = NDArray[np.float64]
@@ -50,6 +52,8 @@ CONVERGED = 0.1
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
 MOST_PASSES = 15
+# Angle up to which a change of the axes that the nodes turn with makes no difference to the passes.
+SAME_ANGLE = 1e-6
 # So many passes are made with one factorization; every later one has its own, where the shape is.
 PATIENCE = 6
 # Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
@@ -76,38 +80,47 @@ def semi_implicit_step(
     same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step;
     the passes may take a small share of it. Raises StepFailed, SingularMatrix.
     """
-    past = history[:2]
-    now, t = past[0], past[0].t + dt
-    ahead, expected = foreseen(past, t), foreseen(history, t)
-    r_ahead, c_ahead = ahead.r, np.maximum(ahead.c, 0.0)
-
-    known = _known(model, past, t)
-    r_known, implicit = known[0].r, known[0].dt
+    t = history[0].t + dt
+    turns = np.zeros(3) if before is None else before.turning
+    past = _past(model, history, turns, t)
+    now, r_ahead, c_ahead = history[0], past.ahead.r, np.maximum(past.ahead.c, 0.0)
+    r_known, implicit = past.known[0].r, past.known[0].dt
     g = geometry(r_ahead, model.mesh.faces)
-    v_c = None if before is None else before.v_c
+    v_c = None if before is None else turned(before.v_c, turns, dt)
     near = cortex(model, r_ahead, g, implicit, now.zeta0, v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
-    start = r_known + implicit * drift
 
     scaled = _Scales(1.0 / (model.parameters.c0 + c_ahead), g.normals / model.parameters.R0)
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     r_before, c_before = r, c
     x = scaled.unknowns(r, c)
     passes: list[Pass] = []
+    first = True
     while True:
         if len(passes) >= PATIENCE:
             near = cortex(model, r, g, implicit, zeta0, v_c)
-        solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c)
+        solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c, turns)
+        start = r_known + implicit * drift
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
-        flow = Flow(v - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
-        v_c, g = flow.v_c, geometry(r_new, model.mesh.faces)
-        c_new, order = _concentration(model, known, r_new, g, v, c)
+        v_c, whole = v - solution.v_p, spin(turns, r - area_centroid(r, g))
+        flow = Flow(v_c + whole, solution.v_p, zeta0, g.normals, g.node_areas, turns)
+        before_move, g = g, geometry(r_new, model.mesh.faces)
+        c_new, order = _concentration(model, past.known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
-        of_order = expected if order == len(past) else ahead
+        of_order = past.expected if order == len(past.states) else past.ahead
         error = local_error(model, of_order, (r_new, c_new), flow.normals)
         if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
+        if first:
+            # now that the flow is known the nodes turn as fast as the cell, to the same axes
+            found = turning_rate(model, r, c, before_move, v + whole)
+            if np.linalg.norm(found - turns) * dt > SAME_ANGLE:
+                passes.clear()
+            turns, first = found, False
+            v_c = flow.v_c - spin(turns, r - area_centroid(r, before_move))
+            past = _past(model, history, turns, t)
+            r_known = past.known[0].r
         r, c = r_new, c_new
         if len(passes) > 1:
             further = overshoot(*passes[-2:])
@@ -115,13 +128,17 @@ def semi_implicit_step(
             c = np.maximum(c_new + further * (c_new - c_before), 0.0)
             g = geometry(r, model.mesh.faces)
         x, r_before, c_before = scaled.unknowns(r, c), r_new, c_new
-    new = State(t, r_new, c_new, zeta0, _position(model, past, t, r_new, flow))
-    check_step(model, now, new)
+    new = State(t, r_new, c_new, zeta0, _position(model, past.states, t, r_new, flow))
+    check_step(model, past.states[0], new)
     return new, flow, error
 
 
 def starting_step(
-    model: Model, now: State, dt: float, before: Flow | None, tolerance: float
+    model: Model,
+    now: State,
+    dt: float,
+    before: Flow | None,
+    tolerance: float,
 ) -> tuple[State, Flow, float]:
     """The state after dt from one without a past, the flow there, and the error of the step.
 
@@ -174,6 +191,29 @@ class _Known:
     filaments: Array
     dt: float
     order: int
+
+
+@dataclass(frozen=True, eq=False)
+class _Past:
+    """What the past says of a step: its `states`, as many as the step is made from, what these and
+    what all states foresee, and what is known before the step, by order."""
+
+    states: Sequence[State]
+    ahead: Foreseen
+    expected: Foreseen
+    known: list[_Known]
+
+
+def _past(model: Model, history: Sequence[State], turning: Array, t: float) -> _Past:
+    """The past in axes that turn at the rate `turning` (3,), and are those of the nodes at t."""
+    turned_states = []
+    for state in history:
+        center = volume_centroid(state.r, model.mesh.faces)
+        r = center + turned(state.r - center, turning, t - state.t)
+        turned_states.append(replace(state, r=r))
+    states = turned_states[:2]
+    ahead, expected = foreseen(states, t), foreseen(turned_states, t)
+    return _Past(states, ahead, expected, _known(model, states, t))
 
 
 def _known(model: Model, past: Sequence[State], t: float) -> list[_Known]:
