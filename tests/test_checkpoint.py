@@ -105,17 +105,10 @@ FLOAT_NAMES = (
     "flow_areas",
     "flow_zeta0",
 )
+OTHER_NAMES = ("config", "step", "rest_known", "rest_problem", "faces", "tried_known")
 LAYOUT = [
     (name, change)
-    for name in (
-        "config",
-        "step",
-        "rest_known",
-        "rest_problem",
-        "faces",
-        "tried_known",
-        *FLOAT_NAMES,
-    )  # fmt: skip
+    for name in (*OTHER_NAMES, *FLOAT_NAMES)
     for change in (
         None,
         lambda a: a[None],
