@@ -62,10 +62,13 @@ def measured_branch(p):
         squares, slopes = [], []
         for share in (1.0, 1.2, 1.4, 1.6, 1.8, 2.0):
             point = at_distance(start, share * distance, options)
+            if point is None:
+                break
             state = state_at(point, p)
             squares.append((state.c_rear - state.c_front) ** 2 / 4)
             slopes.append((point.parameter - threshold) / squares[-1])
-        fits.append(np.polyfit(squares, slopes, 5)[:-3:-1])
+        else:
+            fits.append(np.polyfit(squares, slopes, 5)[:-3:-1])
     fits = np.array(fits)
     return fits[np.argmin(np.abs(np.diff(fits[:, 1]))) + 1]
 

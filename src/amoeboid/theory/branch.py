@@ -24,6 +24,7 @@ from amoeboid.theory.amplitude import (
 )
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed
 from amoeboid.theory.linear import (
+    critical_pressure,
     critical_slope,
     critical_speed,
     driving_slope,
@@ -41,6 +42,10 @@ HALVINGS = 7
 # of the axisymmetric solver (tests/cross/test_theory_against_axisymmetric.py).
 LEFT_OUT = 0.8
 SAFETY = 1.06
+# The weight of the second harmonic next to delta_P*, where it decays slowly, and how much of its
+# change is too much there.
+NEAR_CRITICAL = 4.0
+MAX_CHANGE = 0.25
 MAX_ESTIMATE = 0.6
 # A cubic speed above this many times the next order's may be any multiple of the true one.
 MAX_EXCESS = 1.5
@@ -74,8 +79,8 @@ class Prediction:
     one at v_p0 (figure 3A, B of the paper). next_order_speed [L/T] comes from v_4 and the flow to
     third order. relative_error bounds |max_retrograde_speed/true - 1| where `in_reach` is true; it
     is 1 where the theory does not know. Where `in_reach` is false the speeds are no prediction:
-    another mode of the sphere grows as well, or the next order is far below the cubic one. All
-    are 0 where `state.exists` is false.
+    another mode of the sphere grows as well, mode 2 is close to it at a pressure not far above
+    delta_P*, or the next order is far below the cubic one. All are 0 where `state.exists` is false.
     """
 
     state: SteadyAmplitude
@@ -131,7 +136,7 @@ def trusted_distance(p: Points, tolerance: float = 0.1) -> Array:
     slope, _ = _speed_derivatives(lambda q: second_harmonic(q).rate_at_rest, at)
     by_next_order = np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
     by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(onset.second_rate, slope))
-    return np.minimum(by_next_order, by_harmonic)
+    return np.fmin(by_next_order, by_harmonic)
 
 
 @finite_result
@@ -180,7 +185,7 @@ def prediction(p: Points) -> Prediction:
         next_order=following,
         next_order_speed=next_speed,
         relative_error=np.where(estimate < MAX_ESTIMATE, estimate, np.where(cubic.exists, 1.0, 0)),
-        in_reach=~excessive & _others_decay(p),
+        in_reach=~excessive & _others_decay(p) & (onset.nearness * _change(p, onset) < MAX_CHANGE),
     )
 
 
@@ -188,15 +193,18 @@ def prediction(p: Points) -> Prediction:
 class _Onset:
     """What the threshold and its neighborhood say: found once, used at every v_p0.
 
-    second_rate: the rate at rest of harmonic 2 [1/T]; stable: the branch starts upwards, stable.
+    second_rate: the rate at rest of harmonic 2 [1/T]; nearness: delta_P*/delta_P, 1 at most;
+    stable: the branch starts upwards, stable.
     """
 
     branch: Branch
     form: NormalForm
     second_rate: Array
+    nearness: Array
     stable: Array
 
 
+@finite_result
 def _onset(p: Points) -> _Onset:
     at = p.at_speed(critical_speed(p))
     form = eliminated(at)
@@ -204,10 +212,12 @@ def _onset(p: Points) -> _Onset:
     nu_slope, _ = _speed_derivatives(cubic_coefficient_at_speed, at)
     v_2 = -form.nu / slope
     v_4 = -(form.nu_5 + nu_slope * v_2 + curvature * v_2**2 / 2) / slope
+    star = critical_pressure(p)
     return _Onset(
         branch=Branch(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4),
         form=form,
         second_rate=second_harmonic(at).rate_at_rest,
+        nearness=_ratio(star, np.maximum(star, p.delta_P)),
         stable=(form.nu < 0) & _others_decay(at),
     )
 
@@ -270,10 +280,16 @@ def _judged(p: Points, onset: _Onset) -> tuple[Array, Array]:
     ratio = _ratio(flow_speed_at_threshold(p, cubic.amplitude), next_speed)
     third = np.abs(_ratio(np.asarray(carried.d), following.amplitude))
     beyond = np.abs(_ratio(next_speed - leading, leading))
-    change = second_harmonic(p).rate_at_rest / onset.second_rate - 1
-    estimate = SAFETY * np.hypot(ratio - 1, LEFT_OUT * (third + beyond + change**2))
+    change = _change(p, onset)
+    left_out = third + beyond + change**2 + NEAR_CRITICAL * onset.nearness * change
+    estimate = SAFETY * np.hypot(ratio - 1, LEFT_OUT * left_out)
     estimate = np.where(following.exists, estimate, 1.0)
     return np.where(cubic.exists, estimate, 0.0), ratio
+
+
+def _change(p: Points, onset: _Onset) -> Array:
+    """Relative change of the decay rate of harmonic 2 since the threshold."""
+    return np.abs(second_harmonic(p).rate_at_rest / onset.second_rate - 1)
 
 
 def _speed_derivatives(quantity: Callable[[Points], Array], p: Points) -> tuple[Array, Array]:

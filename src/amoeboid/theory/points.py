@@ -115,7 +115,7 @@ def finite_result(
             result: Any = function(points(p), *args, **kwargs)
         if not is_dataclass(result):
             result = np.asarray(result)
-        _refuse_overflow(function.__name__, result)
+        _refuse_overflow(function.__name__.lstrip("_"), result)
         return result
 
     return evaluated

@@ -199,7 +199,7 @@ def _speed(
     if not predicted.in_reach:
         return None, [
             "v_p0 is too far from the threshold for the cubic theory: the next order is far below "
-            "it; `amoeboid steady` computes the flow"
+            "it, or mode 2 is close to its own threshold; `amoeboid steady` computes the flow"
         ]
     return float(predicted.max_retrograde_speed), _trust(v_p0, weakly)
 
