@@ -8,7 +8,6 @@ import pytest
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.evolution import Dynamics, perturbed_sphere
 from amoeboid.axisymmetric.evolution import evolve as evolve_axisymmetric
-from amoeboid.axisymmetric.observables import center_velocity
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState
 from amoeboid.axisymmetric.unknowns import fields_of
@@ -260,11 +259,12 @@ def sampled(state, subdivisions):
     psi = theta + odd_basis(theta, guess.n) @ (modes.to_odd @ (fields.psi - modes.x))
     along = np.cos(psi)[:, None] * out - np.sin(psi)[:, None] * up
     normals = np.sin(psi)[:, None] * out + np.cos(psi)[:, None] * up
-    V = np.zeros_like(theta)
+    u, V = guess.flow(theta), np.zeros_like(theta)
     if not isinstance(state, SteadyState):
-        V = even_basis(theta, guess.n) @ (modes.to_even @ normal_velocity(state))
+        sines, cosines = force_balance_velocities(state)
+        u, V = odd_basis(theta, guess.n) @ sines, even_basis(theta, guess.n) @ cosines
     # any frame; the cell is turned, so that nothing depends on the axis of the mesh
-    v = guess.flow(theta)[:, None] * along + V[:, None] * normals + [0.3, -0.7, 0.2]
+    v = u[:, None] * along + V[:, None] * normals + [0.3, -0.7, 0.2]
     c = guess.concentration(theta)
     v_p = p.v_p(c)[:, None] * normals
     g = geometry(r, model.mesh.faces)
@@ -272,13 +272,12 @@ def sampled(state, subdivisions):
     return model, there, Flow(v - v_p, v_p, state.zeta0, g.normals, g.node_areas)
 
 
-def normal_velocity(instant):
-    """Of an axisymmetric instant, in the frame in which its center of volume rests (n,)."""
+def force_balance_velocities(instant):
+    """Coefficients of the tangential and normal velocity in the frame of the force balance."""
     dynamics = Dynamics(instant.parameters, instant.n)
     s, c, _ = dynamics.closed(instant.y)
-    q = dynamics._velocities((s, c, None))
-    V = grid(s.grid.n).even_values @ q[s.grid.n : 2 * s.grid.n] + instant.parameters.v_p(c)
-    return V - center_velocity(s, V) * s.cos_psi
+    q, g = dynamics._velocities((s, c, None)), s.grid
+    return q[: g.n], q[g.n : 2 * g.n] + g.to_even @ instant.parameters.v_p(c)
 
 
 def axisymmetric_states():
