@@ -9,7 +9,7 @@ import pytest
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
-from amoeboid.observables import migration
+from amoeboid.observables import cortex_drag_velocity
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Step, evolve, start
 from amoeboid.surface.geometry import volume_centroid
@@ -32,7 +32,7 @@ def circling(subdivisions, end, tolerance=1e-3):
 
 def way_of(steps):
     """Turning, speed and radius of the way of the cell, of its directions from step to step."""
-    v = np.array([migration(step.model, step.state, step.flow) for step in steps])
+    v = np.array([cortex_drag_velocity(step.model, step.state, step.flow) for step in steps])
     speeds = np.linalg.norm(v, axis=1)
     u = v / speeds[:, None]
     cosine = np.einsum("ti,ti->t", u[1:], u[:-1])

@@ -25,7 +25,7 @@ DIMENSIONS = {
 }  # fmt: skip
 OBSERVED = {
     "max_retrograde_speed": "L/T", "c_front": "N/LL", "c_rear": "N/LL", "zeta0": "M/TT",
-    "filament_number": "N", "migration_speed": "L/T",
+    "filament_number": "N", "cortex_drag_speed": "L/T",
 }  # fmt: skip
 POINTS = {
     "figure 3D": Parameters(D=0.4, v_p0=6.0),
@@ -103,7 +103,7 @@ def test_runs_do_not_depend_on_the_units(point, subdivisions, units):
     before, after = (observed(s.model, s.state, s.flow) for s in (a, b))
     scale = {name: unit(OBSERVED.get(name, "/"), units) for name in before}
     # of what vanishes, rounding is in proportion to its unit
-    least = {"area_error": 1e-6, "migration_speed": 1e-6}
+    least = {"area_error": 1e-6, "cortex_drag_speed": 1e-6}
     for name, value in before.items():
         tolerance = {"rel": IN_RATES, "abs": IN_RATES * least.get(name, 0.0)}
         assert after[name] / scale[name] == pytest.approx(value, **tolerance), name
