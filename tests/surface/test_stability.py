@@ -230,8 +230,9 @@ def test_rates_of_the_discrete_cell_do_not_depend_on_the_length_of_the_step():
 
 
 def test_the_linearized_step_is_the_difference_of_two_steps(monkeypatch):
-    """Of steps whose nodes do not drift within the surface: that is no disturbance."""
+    """Of steps whose nodes neither drift nor turn: on a given surface that is no disturbance."""
     monkeypatch.setattr(stepping, "relaxation", lambda r, *_: np.zeros_like(r))
+    monkeypatch.setattr(stepping, "turning_rate", lambda *_: np.zeros(3))
     step, dt = still(STIFF, 2), 0.05
     model, state, p, size = step.model, step.state, step.model.parameters, 1e-5
     linearized = LinearizedStep(model, state, step.flow, dt)
