@@ -217,6 +217,16 @@ class SteadyState:
         """c at the pole of high concentration [1/length^2]."""
         return float(self.concentration(np.array([0.0, np.pi])).max())
 
+    @property
+    def c_min(self) -> float:
+        """Minimum of c over the surface, not only over grid points [1/length^2]."""
+        return -_even_series_maximum(-split(self.x, self.n)[2])
+
+    @property
+    def c_max(self) -> float:
+        """Maximum of c over the surface, not only over grid points [1/length^2]."""
+        return _even_series_maximum(split(self.x, self.n)[2])
+
     def position(self, x: Array) -> tuple[Array, Array]:
         """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
         fine = grid(2 * self.n)
@@ -256,6 +266,20 @@ def series_maximum(coefficients: Array) -> float:
         best -= slope / bend if bend != 0 else 0.0
     polished = float(abs(np.sin(k * best) @ coefficients))
     return polished if value <= polished <= 1.01 * value else value
+
+
+def _even_series_maximum(coefficients: Array) -> float:
+    """Largest sum_k a_k cos(k x) on [0, pi]: at a pole, or the best of a fine grid and Newton."""
+    k = np.arange(coefficients.size)
+    x = np.linspace(0.0, np.pi, 16 * coefficients.size + 1)
+    values = even_basis(x, coefficients.size) @ coefficients
+    best, value = x[np.argmax(values)], float(values.max())
+    for _ in range(3):
+        slope = -np.sin(k * best) @ (k * coefficients)
+        bend = -np.cos(k * best) @ (k * k * coefficients)
+        best -= slope / bend if bend < 0 else 0.0
+    polished = float(np.cos(k * best) @ coefficients)
+    return max(polished, value) if abs(best - x[np.argmax(values)]) <= 2 * x[1] else value
 
 
 def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "v_p0",
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `branch`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument("--vary", default="v_p0", metavar="NAME", help="the parameter (v_p0)")
     parser.add_argument(
         "--from",
@@ -48,15 +48,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = (
         "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
-        "other parameter at the fastest polarized state at --from or, if there is none, where the\n"
-        "sphere loses stability within the window. It ends where it leaves the window or meets\n"
-        "the sphere. Exit code 1: it could not be followed that far."
+        "other parameter at the polarized states at --from and where the sphere loses stability\n"
+        "within the window. It is followed through its folds outside the window as well; what\n"
+        "lies inside is listed. Exit code 1: it could not be followed to its end."
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Follow, print, draw."""
-    p = parameters_of(args)
+    p = only_parameters(args)
     start = _checked_start(args, p)
     if args.plot is not None:
         from amoeboid.plotting.branches import check_picture_path
@@ -64,13 +64,11 @@ def execute(args: argparse.Namespace) -> int:
         check_picture_path(args.plot)
     with shown() as watch:
         branch = _branch(args, p, start, watch)
-    if branch.message:
-        advice = (
-            "one can also end the window earlier, or smooth the states by a larger D or delta_P"
-        )
-        print(f"amoeboid branch: incomplete: {branch.message}; {advice}", file=sys.stderr)
-    pressures = [b.state.parameters.delta_P for b in branch.points]
-    warn_without_pressure("branch", min(pressures, default=p.delta_P))
+    for problem in branch.problems:
+        print(f"amoeboid branch: {problem}", file=sys.stderr)
+    if not branch.complete:
+        advice = "end the window earlier, or smooth the states by a larger D or delta_P"
+        print(f"amoeboid branch: incomplete; one can {advice}", file=sys.stderr)
     if args.plot is not None:
         from amoeboid.plotting.branches import draw_branch
 
@@ -79,7 +77,7 @@ def execute(args: argparse.Namespace) -> int:
         print_json(_document(branch))
     else:
         _print_branch(branch)
-    return INCOMPLETE if branch.message else 0
+    return 0 if branch.complete else INCOMPLETE
 
 
 def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
@@ -103,17 +101,12 @@ def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
 
 
 def _branch(args: argparse.Namespace, p: Parameters, start: float, watch: Watch) -> Branch:
-    from amoeboid.axisymmetric.branches import (
-        Window,
-        branch_from_sphere,
-        branch_from_state,
-        search,
-    )
+    from amoeboid.axisymmetric.branches import polarized_branch
     from amoeboid.axisymmetric.onset import onset_speed
     from amoeboid.numerics.continuation import Options
 
     name, end = args.vary, args.end
-    window = Window(min(start, end), max(start, end))
+    low, high = min(start, end), max(start, end)
     scale = (onset_speed(p) if name == "v_p0" else None) or max(abs(start), abs(end))
     options = Options(
         parameter_scale=scale,
@@ -121,23 +114,14 @@ def _branch(args: argparse.Namespace, p: Parameters, start: float, watch: Watch)
         first_step=min(0.05, args.max_step),
         max_points=args.max_points,
     )
-    branch = None
-    if name != "v_p0":
-        state = search(p.replace(**{name: start}), (1,), watch).states[-1]
-        if state.max_retrograde_speed > 0:
-            branch = branch_from_state(state, name, window, end - start, options, watch)
-    if branch is None:
-        branch = branch_from_sphere(p, name, window, options=options, watch=watch)
+    branch = polarized_branch(p, name, start, end, options, watch)
     if branch is None:
         raise InvalidInput(
-            f"no polarized state found for {name} between {window.low:g} and {window.high:g}; "
+            f"no polarized state found for {name} between {low:g} and {high:g}; "
             "set v_p0 above its threshold (see amoeboid steady)"
         )
-    if not branch.points and not branch.message:
-        raise InvalidInput(
-            f"the polarized branch does not enter {window.low:g} <= {name} <= {window.high:g}; "
-            f"it starts at {name} = {branch.origin:.6g}: choose --to beyond that"
-        )
+    if not branch.points and branch.complete:
+        raise InvalidInput(f"{branch.message}: choose a window that it passes")
     return branch
 
 
@@ -150,6 +134,8 @@ def _row(name: str, b: BranchPoint, neutral: int | None = None) -> dict[str, Any
         "max_retrograde_speed": s.max_retrograde_speed,
         "c_front": s.c_front,
         "c_rear": s.c_rear,
+        "c_min": s.c_min,
+        "c_max": s.c_max,
         "zeta0": s.zeta0,
         "stable": b.stable if neutral is None else None,
         "unstable_modes": counts,
@@ -158,14 +144,22 @@ def _row(name: str, b: BranchPoint, neutral: int | None = None) -> dict[str, Any
 
 def _document(branch: Branch) -> dict[str, Any]:
     name = branch.name
-    origin = [] if branch.origin is None else [{name: branch.origin, "m": 0}]
+    origins = [{name: value, "m": 0} for value in branch.origins]
+    numbers = range(len(branch.pieces))
     crossings = [(c.oscillating, {**_row(name, c.at, c.m), "m": c.m}) for c in branch.crossings]
     return {
         "vary": name,
-        "points": [_row(name, b) for b in branch.points],
+        "points": [
+            {**_row(name, b), "piece": k}
+            for k, piece in zip(numbers, branch.pieces, strict=True)
+            for b in piece
+            if not b.point.fold
+        ],
         "folds": [_row(name, b, 0) for b in branch.folds],
-        "branch_points": origin + [row for oscillating, row in crossings if not oscillating],
+        "branch_points": origins + [row for oscillating, row in crossings if not oscillating],
         "hopf_points": [row for oscillating, row in crossings if oscillating],
+        "complete": branch.complete,
+        "problems": list(branch.problems),
         "message": branch.message,
     }
 
@@ -177,13 +171,20 @@ def _print_branch(branch: Branch) -> None:
     console, table = Console(), Table()
     for title in (branch.name, "v_0", "c front", "c rear", "zeta_0", "unstable m = 0 1 2 3"):
         table.add_column(title, justify="right")
-    for b in branch.points:
-        s = b.state
-        numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
-        table.add_row(*(f"{v:.6f}" for v in numbers), " ".join(map(str, b.unstable.values())))
+    for k, piece in enumerate(branch.pieces):
+        if k > 0:
+            table.add_section()
+        for b in piece:
+            if b.point.fold:
+                continue
+            s = b.state
+            numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
+            table.add_row(*(f"{v:.6f}" for v in numbers), " ".join(map(str, b.unstable.values())))
     console.print(table)
-    if branch.origin is not None:
-        console.print(f"leaves the homogeneous sphere at {branch.name} = {branch.origin:.9g}")
+    if len(branch.pieces) > 1:
+        console.print(f"the branch is in the window {len(branch.pieces)} times, one part each")
+    for value in branch.origins:
+        console.print(f"leaves the homogeneous sphere at {branch.name} = {value:.9g}")
     for fold in branch.folds:
         speed = fold.state.max_retrograde_speed
         console.print(f"fold at {branch.name} = {fold.value:.9g}, v_0 = {speed:.6g}")

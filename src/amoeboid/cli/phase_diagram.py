@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ LARGEST_GRID = 500
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `phase-diagram`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
     parser.add_argument(
         "--from", dest="low", type=float, default=0.03, metavar="VALUE", help="its lowest (0.03)"
@@ -52,7 +52,7 @@ def execute(args: argparse.Namespace) -> int:
 
     from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
 
-    p = parameters_of(args)
+    p = only_parameters(args)
     _check(args, p)
     if args.plot is not None:
         from amoeboid.plotting.branches import check_picture_path
@@ -124,8 +124,11 @@ def _document(diagram: PhaseDiagram) -> dict[str, Any]:
         "regions": [[REGIONS[k] for k in row] for row in diagram.regions],
         "max_retrograde_speed": [[float(v) for v in row] for row in diagram.flow],
         "threshold": pairs(thresholds),
-        "fold": pairs(diagram.fold_line),
+        "fold": [
+            {**pair, "line": k} for k, line in enumerate(diagram.fold_lines) for pair in pairs(line)
+        ],
         "boundary": pairs(diagram.tips),
+        "complete": diagram.complete,
         "problems": list(diagram.problems),
     }
 
