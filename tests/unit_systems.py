@@ -44,8 +44,6 @@ DIMENSION_OF_KEY = {
     "speed_growth": "1/T",
     "cortex_drag_speed": "L/T",
     "filament_number": "N",
-    "c_min": "N/L^2",
-    "c_max": "N/L^2",
     "growth_rates": "1/T",
     "growth_rates_finite_pressure": "1/T",
     "frequencies_finite_pressure": "1/T",

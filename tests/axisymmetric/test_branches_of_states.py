@@ -5,15 +5,13 @@ import pytest
 
 from amoeboid.axisymmetric.branches import (
     Window,
-    _without_speed,
     branch_from_sphere,
     branch_from_state,
-    polarity,
-    search,
     steady_states,
 )
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
 from amoeboid.axisymmetric.stability import growth_rates
+from amoeboid.axisymmetric.states import _without_speed
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.numerics.continuation import Options, at_distance, through
@@ -218,7 +216,7 @@ def test_a_branch_that_meets_the_sphere_ends_there():
     (threshold,) = onsets(p, "D", 0.1, 0.6)
     assert branch.origin == pytest.approx(threshold, abs=1e-8)
     assert branch.points[-1].state.max_retrograde_speed < 0.2
-    assert all(polarity(b.point) > 0 for b in branch.points)
+    assert all(b.state.concentration(0.0) > b.state.concentration(np.pi) for b in branch.points)
 
 
 def test_a_hopf_point_is_located_where_the_theory_has_it():
@@ -276,9 +274,7 @@ def test_why_no_branch_in_v_p0_can_be_followed(p, text):
 
 
 def test_a_problem_of_both_signs_of_a_mode_is_told_once(monkeypatch):
-    monkeypatch.setattr(
-        "amoeboid.axisymmetric.branches._crossed", lambda p, l, sign, *_watch: ([], "it stalled")
-    )
-    assert search(Parameters()).problems == tuple(
+    monkeypatch.setattr("amoeboid.axisymmetric.states._crossed", lambda *_: ([], "it stalled"))
+    assert steady_states(Parameters()).problems == tuple(
         f"branch of l = {l}: it stalled" for l in (1, 2, 3)
     )

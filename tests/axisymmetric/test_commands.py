@@ -54,6 +54,28 @@ def test_branch_in_another_parameter(capsys):
     assert points[-1]["delta_P"] == 50.0
 
 
+@pytest.mark.parametrize("command", [("steady",), ("branch", "--to", "6", "--max-step", "0.4")])
+def test_what_may_be_missing_is_part_of_the_document(capsys, command):
+    code, out, err = run(capsys, *command, "--set", "D=0.4", "--set", "v_p0=5.5", "--json")
+    document = json.loads(out)
+    assert (code, err) == (0, "")
+    assert document["complete"] is True
+    assert document["problems"] == []
+
+
+def test_a_branch_that_is_in_the_window_twice_is_listed_in_pieces(capsys):
+    words = ("branch", "--set", "D=0.4", "--from", "5.5", "--to", "8", "--max-step", "0.4")
+    code, out, err = run(capsys, *words, "--json")
+    points = json.loads(out)["points"]
+    assert (code, err) == (0, "")
+    assert [p["v_p0"] for p in points if p["piece"] == 0][-1] == 5.5
+    upper = [p for p in points if p["piece"] == 1]
+    assert [upper[0]["v_p0"], upper[-1]["v_p0"]] == [5.5, 8.0]
+    assert all(p["stable"] for p in upper)
+    _, out, _ = run(capsys, *words)
+    assert "in the window 2 times" in out
+
+
 def test_an_incomplete_branch_says_so(capsys):
     words = ("branch", "--set", "D=0.4", "--to", "8", "--max-points", "5", "--json")
     code, out, err = run(capsys, *words)
@@ -102,6 +124,11 @@ def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
     ("words", "text"),
     [
         (("steady", "--set", "D=-1"), "D must be"),
+        (("steady", "--set", "time.end=50"), "'time.end=50'"),
+        (("branch", "--to", "8", "--set", "mesh.subdivisions=2"), "parameters alone"),
+        (("phase-diagram", "--set", "output.interval=1"), "parameters alone"),
+        (("theory", "--set", "initial.seed=1"), "leave it out"),
+        (("steady", "--set", "time.nonsense=1"), "nonsense"),
         (("steady", "--set", "law=nonsense"), "law may use"),
         (("steady", "--plot", "picture.jpg"), "--plot must end in"),
         (("steady", "--plot", "no/such/folder/a.png"), "existing folder"),

@@ -1,6 +1,5 @@
 """Phase diagram: regions against single branches, edges against theory and direct continuation."""
 
-from dataclasses import replace
 from itertools import islice
 from types import SimpleNamespace
 
@@ -17,7 +16,6 @@ from amoeboid.axisymmetric.phase_diagram import (
     phase_diagram,
 )
 from amoeboid.axisymmetric.stability import unstable_modes
-from amoeboid.axisymmetric.steady import homogeneous
 from amoeboid.numerics import continuation
 from amoeboid.numerics.continuation import Options
 from amoeboid.parameters import Parameters
@@ -117,6 +115,48 @@ def test_a_pole_of_the_criticality_is_no_tip_and_stops_nothing():
     assert abs(criticality(p.replace(delta_P=tip))) < 1e-6
 
 
+@pytest.mark.parametrize(
+    ("D", "v_p0"), [(0.234615, 4.53846), (0.263846, 4.66667), (0.453846, 5.4359)]
+)
+def test_cells_between_the_fold_and_the_first_point_beyond_it_are_bistable(D, v_p0):
+    column = phase_column(Parameters(D=D), D, np.array([v_p0 - 0.1, v_p0, v_p0 + 0.1]))
+    assert REGIONS[column.regions[1]] == "bistable"
+
+
+def test_cells_right_next_to_fold_and_threshold_are_on_the_right_side():
+    p = Parameters(D=0.4)
+    first = phase_column(p, 0.4, np.array([5.0, 6.5]))
+    (fold,), threshold = (f.parameter for f in first.folds), first.threshold
+    near = 1e-7
+    speeds = np.array([v * (1 + s * near) for v in (fold, threshold) for s in (-1, 1)])
+    regions = phase_column(p, 0.4, speeds).regions
+    assert [REGIONS[k] for k in regions] == ["rest", "bistable", "bistable", "polarized"]
+    threshold = phase_column(Parameters(), 0.03, speeds).threshold
+    speeds = threshold * np.array([1 - near, 1 + near])
+    assert [REGIONS[k] for k in phase_column(Parameters(), 0.03, speeds).regions] == [
+        "rest",
+        "polarized",
+    ]
+
+
+@pytest.mark.slow
+def test_every_cell_of_the_default_diagram_agrees_with_its_fold_line_and_threshold():
+    values, speeds = np.linspace(0.03, 0.6, 40), np.linspace(3.0, 8.0, 40)
+    columns = tuple(phase_columns(Parameters(), "D", values, speeds))
+    diagram = phase_diagram(Parameters(), "D", values, speeds, columns)
+    assert diagram.complete
+    for j, column in enumerate(columns):
+        fold = min((f.parameter for f in column.folds), default=column.threshold)
+        rests, moves = speeds < column.threshold, speeds > fold
+        expected = np.where(rests, np.where(moves, "bistable", "rest"), "polarized")
+        assert [REGIONS[k] for k in diagram.regions[:, j]] == list(expected)
+    (line,) = diagram.fold_lines
+    direct = [(c.value, c.folds[0].parameter) for c in columns if c.folds]
+    on_line = np.interp([D for D, _ in direct], *np.array(line).T)
+    assert on_line == pytest.approx([v for _, v in direct], rel=2e-3)
+    assert line[-1][0] == values[-1]
+
+
 def test_a_law_without_instability_rests_everywhere():
     column = phase_column(Parameters(law="v_p0*(1 + c/c_r)"), 0.1, np.array([1.0, 2.0]))
     assert column.threshold is None
@@ -139,7 +179,7 @@ def _stopping(after):
 
 def test_a_branch_that_stops_on_its_way_down_leaves_the_column_open(monkeypatch):
     """At D = 0.4 the polarized cell is stable at v_p0 = 5.5: the fold lies below, at 5.21."""
-    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.follow", _stopping(3))
+    monkeypatch.setattr("amoeboid.axisymmetric.paths.follow", _stopping(3))
     column = phase_column(Parameters(D=0.4), 0.4, np.array([3.0, 5.5, 7.0]))
     assert np.all(column.regions == UNRESOLVED)
     assert column.problem == "stopped on purpose"
@@ -147,17 +187,19 @@ def test_a_branch_that_stops_on_its_way_down_leaves_the_column_open(monkeypatch)
 
 def test_a_crossing_that_newton_misses_is_not_taken_for_none(monkeypatch):
     speeds = np.array([3.0, 5.5, 7.0])
-    monkeypatch.setattr(
-        "amoeboid.axisymmetric.phase_diagram.interpolated_state",
-        lambda p, a, b: replace(homogeneous(p), converged=False),
-    )
+
+    def lost(arc, value, options):
+        if arc.holds(value):
+            raise continuation.Stalled("lost on purpose")
+
+    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.at_value", lost)
     column = phase_column(Parameters(D=0.4), 0.4, speeds)
     assert [REGIONS[k] for k in column.regions] == ["rest", "unresolved", "unresolved"]
 
 
 def test_a_line_of_folds_that_stops_says_why(diagram, monkeypatch):
     assert diagram.problems == ()
-    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.follow", _stopping(2))
+    monkeypatch.setattr("amoeboid.numerics.arcs.follow", _stopping(2))
     monkeypatch.setattr(
         "amoeboid.axisymmetric.phase_diagram.critical_values", lambda p, name, values: ()
     )

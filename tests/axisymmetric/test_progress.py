@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, search
+from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
 from amoeboid.axisymmetric.phase_diagram import fold_line, phase_column
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import shown
@@ -29,7 +29,7 @@ def test_a_branch_reports_every_point_and_then_its_stability():
 
 def test_a_search_reports_each_branch_it_follows():
     steps = []
-    search(Parameters(), watch=steps.append)
+    steady_states(Parameters(), watch=steps.append)
     assert {s.task for s in steps} == {f"searching along l = {k}" for k in (1, 2, 3)}
 
 

@@ -6,9 +6,12 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from amoeboid.numerics.arcs import Arc, arcs, at_value
 from amoeboid.numerics.continuation import (
     Options,
     Stalled,
+    _bend,
+    at_distance,
     at_parameter,
     follow,
     located,
@@ -120,3 +123,54 @@ def test_a_curve_that_ends_stalls_instead_of_inventing_points():
 def test_impossible_options_are_refused(change):
     with pytest.raises(InvalidInput, match="got"):
         Options(**change)
+
+
+def test_two_folds_between_neighbors_are_found():
+    """q_1 = 3e-4: folds at x = -+0.01, 0.02 apart, with steps of 0.3."""
+    curve = Cusp(3e-4)
+    options = Options(max_step=0.3, first_step=0.3)
+    x = at_parameter(curve, np.array([-0.7]), -0.343 + 0.7 * 3e-4)
+    begin = through(curve, x, -0.343 + 0.7 * 3e-4, 1.0, options)
+    found = []
+    for arc in arcs(begin, options):
+        point = at_value(arc, 0.0, options)
+        if point is not None:
+            found.append(point.x[0])
+        if arc.b.parameter > 0.3:
+            break
+    root = np.sqrt(3e-4)
+    assert found == pytest.approx([-root, 0.0, root], abs=1e-9)
+
+
+@pytest.mark.parametrize("beside", [1e-1, 1e-6, 1e-12])
+def test_both_solutions_beside_a_fold_are_found(beside):
+    """x^3 - 3 x = 2 - d has solutions at x = 1 -+ sqrt(d/3) near the fold."""
+    begin, options = start()
+    found = []
+    for arc in arcs(begin, options):
+        point = at_value(arc, -2.0 + beside, options)
+        if point is not None:
+            found.append(point.x[0])
+        if arc.b.parameter > 8.0:
+            break
+    roots = np.sort(np.roots([1.0, 0.0, -3.0, 2.0 - beside]).real)
+    assert sorted(found) == pytest.approx(roots, abs=1e-9 / np.sqrt(beside))
+    assert len(found) == 3
+    assert at_value(Arc(begin, begin, begin), 5.0, options) is None
+
+
+def test_a_step_does_not_lead_to_another_branch():
+    """(q - x)(q - x - 1/5) = 0: two lines side by side; a jump leaves both tangents."""
+
+    class Lines(Cusp):
+        def residual(self, x, q):
+            return (q[:1] - x) * (q[:1] - x - 0.2)
+
+        def residual_and_jacobian(self, x, q):
+            return self.residual(x, q), np.array([[2 * (x[0] - q[0]) + 0.2]])
+
+    options = Options(max_step=0.5)
+    a = through(Lines(), np.zeros(1), 0.0, 1.0, options)
+    across = at_distance(a, 0.1, options, np.array([-0.1, 0.1]))
+    assert across.x[0] == pytest.approx(across.parameter - 0.2)
+    assert _bend(a, across, options) > 0.5

@@ -2,420 +2,422 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
-from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.stability import (
-    AZIMUTHAL_NUMBERS,
-    count_unstable,
-    growth_rates,
-    neutral_rate,
+from amoeboid.axisymmetric.bifurcations import (
+    BranchPoint,
+    Crossing,
+    branch_point,
+    located_crossings,
 )
-from amoeboid.axisymmetric.steady import (
-    MODES,
-    SteadyState,
-    SteadySystem,
-    homogeneous,
-    steady_state,
+from amoeboid.axisymmetric.onset import departure, onsets, onsets_anywhere
+from amoeboid.axisymmetric.paths import (
+    SAME,
+    SPHERE,
+    SYMMETRIC,
+    Path,
+    Window,
+    modes_of,
 )
-from amoeboid.axisymmetric.unknowns import resampled, split
-from amoeboid.numerics.continuation import (
-    Options,
-    Point,
-    Stalled,
-    at_parameter,
-    follow,
-    located,
-    through,
+from amoeboid.axisymmetric.progress import Watch, unwatched
+from amoeboid.axisymmetric.states import (
+    MAX_RISING_MODES,
+    MIN_EXCURSION,
+    same_state,
+    stability_problems,
+    steady_states,
 )
-from amoeboid.numerics.integrators import StepTooSmall
+from amoeboid.axisymmetric.steady import MODES, SteadyState, SteadySystem
+from amoeboid.numerics.arcs import Arc, at_value
+from amoeboid.numerics.continuation import Options, Point, Stalled, through
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
+__all__ = [
+    "Branch",
+    "BranchPoint",
+    "Crossing",
+    "Window",
+    "branch_from_sphere",
+    "branch_from_state",
+    "branch_point",
+    "polarized_branch",
+    "steady_states",
+]
+
 Array = NDArray[Any]
 
-FAR_SIZE = 3 * 128 + 3
-"""Unknowns beyond which `search` gives up a branch that is still far from its goal."""
-
-
-@dataclass(frozen=True, eq=False)
-class BranchPoint:
-    """A steady state on a branch, the value of the parameter there and the growth rates."""
-
-    point: Point
-    state: SteadyState
-    value: float
-
-    @cached_property
-    def rates(self) -> dict[int, Array]:
-        """Growth rates for m = 0, 1, 2, 3, fastest first [1/time]."""
-        return {m: growth_rates(self.state, m) for m in AZIMUTHAL_NUMBERS}
-
-    @cached_property
-    def unstable(self) -> dict[int, int]:
-        """Number of growing modes for m = 0, 1, 2, 3."""
-        p = self.state.parameters
-        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
-
-    @property
-    def stable(self) -> bool:
-        """Whether every perturbation with m = 0, 1, 2, 3 decays."""
-        return not any(self.unstable.values())
-
-
-@dataclass(frozen=True, eq=False)
-class Crossing:
-    """A point where a mode of azimuthal number m becomes neutral; `oscillating` at a Hopf point."""
-
-    m: int
-    oscillating: bool
-    at: BranchPoint
+MAX_EXCURSION = {"v_p0": 1.25}
+"""How far a branch that moves away is followed outside the window, as a factor; 2 for others."""
 
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """A branch in the parameter `name`: its points in order, folds, crossings.
+    """Branches in the parameter `name` inside a window: points, folds, crossings.
 
-    `origin` is the value at which it leaves the homogeneous sphere, if it does; `message` is empty
-    when the branch was followed to the end of its window and says what stopped it otherwise.
+    `pieces` holds the stretches inside the window, each with its points and folds in order.
+    `origins` are the values at which the branch leaves or meets the homogeneous sphere.
+    `complete` says that it was followed to its ends or out of the window for good; `problems` says
+    what may be missing and why, and what else limits the answer.
     """
 
     name: str
-    points: tuple[BranchPoint, ...]
-    folds: tuple[BranchPoint, ...]
+    pieces: tuple[tuple[BranchPoint, ...], ...]
     crossings: tuple[Crossing, ...]
-    origin: float | None
-    message: str
+    origins: tuple[float, ...]
+    complete: bool
+    problems: tuple[str, ...]
 
+    @cached_property
+    def points(self) -> tuple[BranchPoint, ...]:
+        """All points, piece after piece, without the folds."""
+        return tuple(b for piece in self.pieces for b in piece if not b.point.fold)
 
-def branch_point(point: Point, p: Parameters, name: str) -> BranchPoint:
-    """The steady state of a point of a branch in `name`."""
-    at = p.replace(**{name: point.parameter})
-    n = (point.x.size - 3) // 3
-    return BranchPoint(point, SteadyState(at, n, point.x, True, ()), point.parameter)
+    @cached_property
+    def folds(self) -> tuple[BranchPoint, ...]:
+        """All folds."""
+        return tuple(b for piece in self.pieces for b in piece if b.point.fold)
 
+    @property
+    def origin(self) -> float | None:
+        """The first of `origins`, None if there is none."""
+        return self.origins[0] if self.origins else None
 
-@dataclass(frozen=True)
-class Window:
-    """The values low <= parameter <= high that are asked for."""
+    @property
+    def message(self) -> str:
+        """All problems as one text, empty if there are none."""
+        return "; ".join(self.problems)
 
-    low: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise InvalidInput(
-                f"the window of the parameter must have low < high, got {self.low!r}, {self.high!r}"
-            )
-
-    def holds(self, value: float) -> bool:
-        """Whether the value lies inside, ends included."""
-        return self.low <= value <= self.high
+    def __repr__(self) -> str:
+        found = "complete" if self.complete else "incomplete"
+        lines = [f"branch in {self.name}, {found}: {len(self.points)} points"]
+        lines += [f"sphere at {self.name} = {value:.9g}" for value in self.origins]
+        for piece in self.pieces:
+            ends = [
+                f"{self.name} = {b.value:.9g} (v_0 = {b.state.max_retrograde_speed:.6g})"
+                for b in (piece[0], piece[-1])
+            ]
+            lines.append(" to ".join(ends))
+        lines += [f"fold at {self.name} = {fold.value:.9g}" for fold in self.folds]
+        return "\n".join([*lines, *(f"- {text}" for text in self.problems)])
 
 
 def branch_from_sphere(
     p: Parameters,
     name: str,
-    window: Window,
+    window: Window | tuple[float, float],
     l: int = 1,  # noqa: E741
     sign: float = 1.0,
     options: Options | None = None,
     n: int = MODES,
     watch: Watch = unwatched,
 ) -> Branch | None:
-    """The branch that mode l of the homogeneous sphere sends out, inside the window.
+    """What lies inside the window of the branch that bifurcates from the sphere in mode l.
 
-    Its origin is sought at all v_p0 if that is the parameter (a subcritical branch may reach into
-    the window from above), and inside the window otherwise; None if there is no origin.
+    Its origins are sought at all v_p0 if that is the parameter; else inside the window, and if
+    there is none, outside it, the nearest first. The branch is followed through its folds outside
+    the window too. None if the sphere is never neutral to mode l. Raises InvalidInput for a window
+    that is no pair low < high.
     """
-    origins: tuple[float, ...]
-    if name == "v_p0":
-        threshold = onset_speed(p, l)
-        origins = () if threshold is None else (threshold,)
-    else:
-        origins = onsets(p, name, window.low, window.high, l)
-    for origin in origins:
-        chosen = options or Options(parameter_scale=abs(origin) or 1.0)
-        start = departure(p, name, origin, chosen, n, sign)
-        return trace(p, name, start, window, chosen, origin, watch)
-    return None
+    window = Window.of(window)
+    for value in (window.low, window.high):
+        p.replace(**{name: value})
+    inside = onsets(p, name, window.low, window.high, l) if name != "v_p0" else ()
+    found: list[Branch] = []
+    for origin in inside or _nearest_first(onsets_anywhere(p, name, l), window):
+        if any(_met(origin, branch) for branch in found):
+            continue
+        if found and found[-1].pieces and not inside and name != "v_p0":
+            break
+        found.append(_from_origin(p, name, window, origin, sign, options, n, watch))
+    entered = [branch for branch in found if branch.pieces or not branch.complete]
+    return joined(entered or found[:1]) if found else None
+
+
+def _from_origin(
+    p: Parameters,
+    name: str,
+    window: Window,
+    origin: float,
+    sign: float,
+    options: Options | None,
+    n: int,
+    watch: Watch,
+) -> Branch:
+    chosen = options or Options(parameter_scale=abs(origin) or 1.0)
+    start = departure(p, name, origin, chosen, n, sign)
+    return _Tracer(p, name, window, chosen, watch).from_sphere(start)
+
+
+def _met(value: float, branch: Branch) -> bool:
+    """Whether the branch leaves or meets the sphere at this value."""
+    return any(abs(value - other) <= SAME * abs(other) for other in branch.origins)
+
+
+def _nearest_first(origins: Sequence[float], window: Window) -> list[float]:
+    def away(value: float) -> float:
+        return max(window.low - value, value - window.high, 0.0)
+
+    return sorted(origins, key=away)
 
 
 def branch_from_state(
     state: SteadyState,
     name: str,
-    window: Window,
+    window: Window | tuple[float, float],
     direction: float,
     options: Options | None = None,
     watch: Watch = unwatched,
 ) -> Branch:
-    """The branch through a steady state in the parameter `name`, leaving it in `direction`."""
+    """What lies inside the window of the branch from a steady state on, in the parameter `name`.
+
+    It leaves the state in `direction` of the parameter, and is followed through its folds, outside
+    the window too; what lies on the other side of the state is not.
+    """
+    window = Window.of(window)
     p, value = state.parameters, float(getattr(state.parameters, name))
     size = max(abs(value), window.high - window.low)
     chosen = options or Options(parameter_scale=size)
     system = SteadySystem(p, state.n, (name,))
     first = through(system, state.x, value, direction, chosen)
-    branch = trace(p, name, first, window, chosen, None, watch)
-    points = (branch_point(first, p, name), *branch.points)
-    return replace(branch, points=points)
+    return _Tracer(p, name, window, chosen, watch).from_state(first)
 
 
-def trace(
+def polarized_branch(
     p: Parameters,
     name: str,
-    start: Point,
-    window: Window,
-    options: Options,
-    origin: float | None,
+    start: float,
+    end: float,
+    options: Options | None = None,
     watch: Watch = unwatched,
-) -> Branch:
-    """Follow a branch until it leaves the window; locate its folds and crossings."""
-    points: list[BranchPoint] = []
-    folds: list[BranchPoint] = []
-    message = f"stopped after {options.max_points} points; allow more, or longer steps"
-    before = start
-    try:
-        for count, point in enumerate(follow(start, options), 1):
-            watch(Progress("branch", name, point.parameter, (point.x.size - 3) // 3, count))
-            if window.holds(point.parameter):
-                found = branch_point(point, p, name)
-                (folds if point.fold else points).append(found)
-            elif points:
-                points.extend(_at_edge(p, name, before, point, window))
-                message = ""
-                break
-            elif _receding(point, window):
-                message = ""
-                break
-            if not point.fold and points and polarity(before) * polarity(point) < 0:
-                # through the sphere and on to mirror images of what is known already
-                points = [b for b in points if b.point is not point]
-                folds = [b for b in folds if b.point.length <= before.length]
-                origin = _meeting(p, name, before, point)
-                message = ""
-                break
-            before = before if point.fold else point
-    except Stalled as stall:
-        message = str(stall)
-    crossings = _crossings(p, name, points, folds, options, watch)
-    return Branch(name, tuple(points), tuple(folds), crossings, origin, message)
+) -> Branch | None:
+    """The branches of l = 1 between the values `start` and `end` of the parameter `name`.
 
-
-def _meeting(p: Parameters, name: str, a: Point, b: Point) -> float | None:
-    """The threshold of the sphere between two points on mirrored halves of a branch.
-
-    Guessed from parameter = threshold + k polarity^2, then found by its own root search.
+    In v_p0 that which leaves the sphere; in other parameters those through all polarized states at
+    `start`, the fastest first, those through others at `end`, and those that leave the sphere on
+    the way. None if there are none.
     """
-    f, g = polarity(a) ** 2, polarity(b) ** 2
-    guess = a.parameter
-    if abs(f - g) > 1e-3 * max(f, g):
-        guess = (a.parameter * g - b.parameter * f) / (g - f)
-    width = 2 * abs(guess - a.parameter) + 0.02 * abs(guess)
-    found = onsets(p, name, max(guess - width, 0.0), guess + width)
-    return min(found, key=lambda value: abs(value - guess), default=None)
-
-
-def polarity(point: Point) -> float:
-    """c at the pole x = 0 less c at the pole x = pi; zero on the sphere and on even states."""
-    c = split(point.x, (point.x.size - 3) // 3)[2]
-    difference = float(np.sum(c[1::2]))
-    return difference if abs(difference) > 1e-9 * abs(c[0]) else 0.0
-
-
-def _receding(point: Point, window: Window) -> bool:
-    """Whether a point outside the window, not yet entered, moves away from it."""
-    outward = 1.0 if point.parameter > window.high else -1.0
-    return not point.fold and outward * point.parameter_tangent > 0.05
-
-
-def _at_edge(
-    p: Parameters, name: str, inside: Point, outside: Point, window: Window
-) -> list[BranchPoint]:
-    edge = window.high if outside.parameter > window.high else window.low
-    if inside.parameter == edge:
-        return []
-    x = inside.x
-    if x.size != outside.x.size:
-        inside = Point(outside.system, inside.system.prolonged(x), inside.parameter, x, 0.0)
-    share = (edge - inside.parameter) / (outside.parameter - inside.parameter)
-    found = at_parameter(outside.system, inside.x + share * (outside.x - inside.x), edge)
-    if found is None:
-        return []
-    length = inside.length + share * (outside.length - inside.length)
-    tangent = (outside.x_tangent, outside.parameter_tangent)
-    return [branch_point(Point(outside.system, found, edge, *tangent, length), p, name)]
-
-
-def _crossings(
-    p: Parameters,
-    name: str,
-    points: list[BranchPoint],
-    folds: list[BranchPoint],
-    options: Options,
-    watch: Watch,
-) -> tuple[Crossing, ...]:
-    found: list[Crossing] = []
-    for count, (a, b) in enumerate(pairwise(points), 1):
-        watch(Progress("stability", name, b.value, b.state.n, count))
-        for m in AZIMUTHAL_NUMBERS:
-            counts = sorted((a.unstable[m], b.unstable[m]))
-            previous: float | None = None
-            for k in range(*counts):
-                crossing = _crossing(p, name, a, b, m, k, options)
-                if crossing is None or crossing.at.value == previous:
-                    continue
-                previous = crossing.at.value
-                here = crossing.at.point.length
-                near = [abs(f.point.length - here) for f in folds] if m == 0 else []
-                if not near or min(near) > 1e-4 * options.max_step:
-                    found.append(crossing)
-    return tuple(found)
-
-
-def _crossing(
-    p: Parameters, name: str, a: BranchPoint, b: BranchPoint, m: int, k: int, options: Options
-) -> Crossing | None:
-    """Where the real part of the k-th fastest rate passes zero between neighbors a and b."""
-
-    def rate(point: Point) -> float:
-        rates = growth_rates(branch_point(point, p, name).state, m)
-        return float(rates[k].real) if k < rates.size else -1.0
-
-    start = a.point
-    if start.x.size != b.point.x.size:
+    window = Window(min(start, end), max(start, end))
+    if name == "v_p0":
+        return branch_from_sphere(p, name, window, options=options, watch=watch)
+    found: list[Branch] = []
+    problems: list[str] = []
+    for edge, other in ((start, end), (end, start)):
+        states = steady_states(p.replace(**{name: edge}), (1,), watch)
+        if not states.complete:
+            problems += [f"at {name} = {edge:g}: {problem}" for problem in states.problems]
+        for state in reversed([s for s in states if s.max_retrograde_speed > 0]):
+            known = [b.state for branch in found for b in branch.points if b.value == edge]
+            if not any(same_state(state, one) for one in known):
+                try:
+                    branch = branch_from_state(state, name, window, other - edge, options, watch)
+                except Stalled as stop:
+                    problems.append(f"at {name} = {edge:g}: {stop}")
+                else:
+                    found.append(branch)
+    for origin in onsets(p, name, window.low, window.high):
+        if not any(_met(origin, branch) for branch in found):
+            found.append(_from_origin(p, name, window, origin, 1.0, options, MODES, watch))
+    if not found:
+        outside = branch_from_sphere(p, name, window, options=options, watch=watch)
+        found += [outside] if outside is not None else []
+    if not found:
         return None
-    if rate(start) * rate(b.point) >= 0:
-        return None
-    at = branch_point(located(start, b.point, rate, options), p, name)
-    still = neutral_rate(at.rates[m], at.state.parameters)
-    return Crossing(m, bool(abs(at.rates[m][k].imag) > still), at)
+    branch = joined(found)
+    complete = branch.complete and not problems
+    return replace(branch, complete=complete, problems=(*branch.problems, *problems))
+
+
+def joined(branches: Sequence[Branch]) -> Branch:
+    """Several branches in one parameter as one."""
+    offsets = accumulate((len(b.pieces) for b in branches), initial=0)
+    return Branch(
+        branches[0].name,
+        tuple(piece for b in branches for piece in b.pieces),
+        tuple(
+            replace(crossing, piece=crossing.piece + offset)
+            for b, offset in zip(branches, offsets, strict=False)
+            for crossing in b.crossings
+        ),
+        tuple(dict.fromkeys(value for b in branches for value in b.origins)),
+        all(b.complete for b in branches),
+        tuple(dict.fromkeys(text for b in branches for text in b.problems)),
+    )
 
 
 @dataclass(frozen=True)
-class Search:
-    """The states found at one parameter point, slowest first; `problems` says what got in the way.
+class _Walk:
+    """A branch from its start on: stretches inside the window, what it met and how far it went."""
 
-    A problem means that a branch could not be followed to its end: states on it may be missing.
+    pieces: tuple[tuple[Point, ...], ...]
+    end: str
+    threshold: float | None
+    problem: str
+    lowest: float
+    highest: float
+    last: float
+
+
+@dataclass(frozen=True)
+class _Tracer:
+    """Follows a branch in `name` and collects what lies in the window."""
+
+    p: Parameters
+    name: str
+    window: Window
+    options: Options
+    watch: Watch
+
+    def from_sphere(self, start: Point) -> Branch:
+        """The branch that leaves the sphere at `start`."""
+        walk = self._walk(start, with_start=False)
+        origins = (
+            (start.parameter,) if walk.threshold is None else (start.parameter, walk.threshold)
+        )
+        return self._branch(walk.pieces, origins, walk, start.parameter)
+
+    def from_state(self, start: Point) -> Branch:
+        """The branch from `start` on, along its tangent."""
+        walk = self._walk(start, with_start=True)
+        pieces = list(walk.pieces)
+        if self.window.holds(start.parameter) and not (pieces and pieces[0][0] is start):
+            pieces.insert(0, (start,))
+        origins = () if walk.threshold is None else (walk.threshold,)
+        return self._branch(pieces, origins, walk, start.parameter)
+
+    def _walk(self, start: Point, with_start: bool) -> _Walk:
+        path = Path(self.p, self.name, start, self.options, self.watch, "branch", self.window)
+        pieces: list[list[Point]] = []
+        connected = False
+        problems: list[str] = []
+        lowest = highest = start.parameter
+        left = _Left(self.name, self.window, start.parameter)
+        try:
+            for arc in path:
+                overlap = self.window.overlap(arc)
+                if overlap is None:
+                    connected = False
+                else:
+                    if not connected:
+                        pieces.append([])
+                        first = self._at(arc, arc.a, overlap[0], problems)
+                        if first is not None and (with_start or first is not start):
+                            pieces[-1].append(first)
+                    met = path.end in (SPHERE, SYMMETRIC) and arc.b is path.last
+                    if not (met and overlap[1] == arc.b.parameter):
+                        last = self._at(arc, arc.b, overlap[1], problems)
+                        if last is not None:
+                            pieces[-1].append(last)
+                    connected = self.window.holds(arc.b.parameter)
+                lowest = min(lowest, arc.b.parameter)
+                highest = max(highest, arc.b.parameter)
+                if left.for_good(arc.b):
+                    break
+            else:
+                if not path.end:
+                    problems.append(
+                        f"stopped after {self.options.max_points} points; allow more, or longer "
+                        "steps"
+                    )
+        except (Stalled, InvalidInput) as stop:
+            if path.unresolved is not None and self._leaves(path.unresolved, pieces, connected):
+                left.already = left.beyond(path.unresolved.b, 1.0)
+            if not left.already:
+                problems.append(str(stop))
+        kept = tuple(tuple(piece) for piece in pieces if piece)
+        text = "; ".join(dict.fromkeys(problems))
+        last_value = start.parameter if path.last is None else path.last.parameter
+        return _Walk(kept, path.end, path.threshold, text, lowest, highest, last_value)
+
+    def _leaves(self, arc: Arc, pieces: list[list[Point]], connected: bool) -> bool:
+        """Add the edge of the window if the way to an unresolved point passes it resolved."""
+        overlap = self.window.overlap(arc)
+        if not connected or overlap is None or overlap[1] == arc.b.parameter:
+            return overlap is None
+        last = self._at(arc, arc.b, overlap[1], [])
+        if last is not None:
+            pieces[-1].append(last)
+        return last is not None
+
+    def _at(self, arc: Arc, end: Point, value: float, problems: list[str]) -> Point | None:
+        """The point of an arc at an end of its overlap with the window."""
+        if end.parameter == value:
+            return arc.forwards(end)
+        try:
+            return at_value(arc, value, self.options)
+        except Stalled as stop:
+            problems.append(str(stop))
+            return None
+
+    def _branch(
+        self,
+        pieces: Sequence[Sequence[Point]],
+        origins: tuple[float, ...],
+        walk: _Walk,
+        start: float,
+    ) -> Branch:
+        p, name, window = self.p, self.name, self.window
+        found = tuple(tuple(branch_point(point, p, name) for point in piece) for piece in pieces)
+        problems = [walk.problem] if walk.problem else []
+        complete = not problems
+        if not found:
+            problems.append(
+                f"the branch does not enter {window.low:g} <= {name} <= {window.high:g}; it starts "
+                f"at {name} = {start:.6g} and was followed through {walk.lowest:.6g} to "
+                f"{walk.highest:.6g}"
+            )
+        if walk.end == SYMMETRIC:
+            problems.append(
+                f"it ends at {name} = {walk.last:.6g}, where it meets states that are symmetrical "
+                "front to back"
+            )
+        crossings, missed = located_crossings(p, name, found, self.options, self.watch)
+        problems += missed
+        soft = min((b.state.parameters for q in found for b in q), key=_pressure, default=p)
+        problems += stability_problems(soft)
+        return Branch(
+            name, found, crossings, origins, complete and not missed,
+            tuple(dict.fromkeys(problems)),
+        )  # fmt: skip
+
+
+def _pressure(p: Parameters) -> float:
+    return p.delta_P
+
+
+@dataclass
+class _Left:
+    """Whether a branch has left the window for good.
+
+    It moves away from it, by more than a factor, and from its start: upwards, or downwards in a
+    parameter other than v_p0 (in v_p0 every branch that goes down must turn, because without
+    polymerization there is the sphere alone).
     """
 
-    states: tuple[SteadyState, ...]
-    problems: tuple[str, ...]
+    name: str
+    window: Window
+    start: float
+    already: bool = False
 
+    def for_good(self, point: Point) -> bool:
+        """Take the next point into account."""
+        beyond = self.beyond(point, MIN_EXCURSION)
+        self.already = beyond
+        if beyond and modes_of(point) > MAX_RISING_MODES:
+            return True
+        return self.beyond(point, MAX_EXCURSION.get(self.name, 2.0))
 
-def steady_states(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3)) -> tuple[SteadyState, ...]:
-    """All steady states that `search` finds, the homogeneous one first."""
-    return search(p, degrees).states
-
-
-def search(p: Parameters, degrees: tuple[int, ...] = (1, 2, 3), watch: Watch = unwatched) -> Search:
-    """Look for all steady states at one parameter point.
-
-    They are the crossings of v_p0 = p.v_p0 with the branches that modes l of the homogeneous sphere
-    send out in v_p0, each followed until it rises beyond p.v_p0, mirror images left out; states
-    without such a connection to the sphere are not found.
-    """
-    found, problems = [homogeneous(p)], []
-    without = _without_speed(p)
-    if without:
-        found.extend(_reached_in_time(p))
-        problems.append(f"only states reached in time are found: {without}")
-    for l in degrees:  # noqa: E741
-        for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
-            states, problem = _crossed(p, l, sign, watch)
-            found.extend(states)
-            text = f"branch of l = {l}: {problem}"
-            if problem and text not in problems:
-                problems.append(text)
-    distinct: list[SteadyState] = []
-    for state in found:
-        if not any(_same(state, other) for other in distinct):
-            distinct.append(state)
-    ordered = sorted(distinct, key=lambda s: s.max_retrograde_speed)
-    return Search(tuple(ordered), tuple(problems))
-
-
-def _without_speed(p: Parameters) -> str:
-    """Why no branch in v_p0 can be followed because v_p(c0) is the same for all v_p0, or empty."""
-    other = p.replace(v_p0=2 * p.v_p0 or p.R0 * p.rate)
-    here = float(p.v_p(p.c0))
-    if here != float(other.v_p(p.c0)):
-        return ""
-    with suppress(InvalidInput):
-        elsewhere = p.c_r * np.array([0.5, 1.0, 2.0])
-        if np.array_equal(p.v_p(elsewhere), other.v_p(elsewhere)):
-            return "the law does not depend on v_p0"
-    return f"v_p(c0) = {here:g} whatever v_p0; bring c0/c_r = {p.c0 / p.c_r:g} nearer to 1"
-
-
-def _reached_in_time(p: Parameters) -> list[SteadyState]:
-    """The steady states at which time evolution from polarized spheres ends."""
-    found = []
-    for amplitude in (0.1, 0.9):
-        with suppress(StepTooSmall, InvalidInput):
-            start = perturbed_sphere(p, {1: amplitude * p.c0})
-            found.append(polished(settled(p, start, 1000.0 / p.rate, rate=1e-7)))
-    return [state for state in found if state.converged]
-
-
-def _crossed(
-    p: Parameters,
-    l: int,  # noqa: E741
-    sign: float,
-    watch: Watch,
-) -> tuple[list[SteadyState], str]:
-    """The states at p on the branch that mode l sends out in v_p0, and what stopped the search."""
-    found: list[SteadyState] = []
-    problem = ""
-    threshold = onset_speed(p, l)
-    if threshold is None:
-        return found, problem
-    options = Options(parameter_scale=threshold, max_step=1.5, angle=0.2, max_points=80)
-    try:
-        before = departure(p, "v_p0", threshold, options, sign=sign)
-        for count, point in enumerate(follow(before, options), 1):
-            task = f"searching along l = {l}"
-            watch(Progress(task, "v_p0", point.parameter, (point.x.size - 3) // 3, count))
-            if point.fold:
-                continue
-            low_, high_ = sorted((before.parameter, point.parameter))
-            if low_ <= p.v_p0 <= high_ and before.parameter != p.v_p0:
-                state = interpolated_state(p, before, point)
-                if state.converged:
-                    found.append(state)
-                elif abs(p.v_p0 - threshold) > 1e-6 * threshold:
-                    problem = state.message
-            if point.x.size > FAR_SIZE and abs(point.parameter - p.v_p0) > 0.5 * p.v_p0:
-                return found, f"it needs too many modes already at v_p0 = {point.parameter:.6g}"
-            upwards = point.parameter_tangent > 0 and point.parameter > 1.05 * p.v_p0
-            if upwards or point.parameter <= 0:
-                return found, problem
-            before = point
-    except (Stalled, InvalidInput) as stop:
-        return found, str(stop)
-    return found, f"not finished after {options.max_points} points"
-
-
-def interpolated_state(p: Parameters, a: Point, b: Point) -> SteadyState:
-    """The steady state at p between neighbors a and b of a branch in v_p0, by Newton's method."""
-    n = (b.x.size - 3) // 3
-    x = resampled(a.x, (a.x.size - 3) // 3, n)
-    share = (p.v_p0 - a.parameter) / (b.parameter - a.parameter)
-    return steady_state(p, SteadyState(p, n, x + share * (b.x - x), False, ()))
-
-
-def _same(a: SteadyState, b: SteadyState) -> bool:
-    """Whether two states agree, or mirror each other in the equator."""
-    n = max(a.n, b.n)
-    first, second = (split(resampled(s.x, s.n, n), n)[2] for s in (a, b))
-    mirrored = second * (-1.0) ** np.arange(n)
-    nearest = min(np.abs(first - second).max(), np.abs(first - mirrored).max())
-    return bool(nearest < 1e-6 * np.abs(first).max())
+    def beyond(self, point: Point, factor: float) -> bool:
+        """Whether the point is outside by more than a factor, and the branch moves away there."""
+        if point.fold:
+            return False
+        if point.parameter_tangent > 0:
+            return point.parameter > factor * max(self.window.high, self.start)
+        low = min(self.window.low, self.start)
+        return self.name != "v_p0" and low > 0 and point.parameter < low / factor

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.linalg import LinAlgError
 from numpy.typing import NDArray
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize_scalar
 
 from amoeboid.axisymmetric.stability import sphere_block
 from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.numerics.continuation import Options, Point, started
+from amoeboid.numerics.continuation import COMPLEX_STEP, Options, Point, started
 from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
@@ -21,11 +23,26 @@ Array = NDArray[Any]
 LARGEST_SPEED = 1e12
 """Thresholds in v_p0 are sought up to this many times D/R0 + beta R0."""
 
+SYMMETRIC = 1e-7
+"""Relative change of the parameter with the amplitude below which it is zero by symmetry."""
+
 
 def _critical(p: Parameters, name: str, l: int) -> Callable[[float], float]:  # noqa: E741
+    """The determinant of mode l in units of the rates that it is made of, smooth in `name`."""
+
     def determinant(value: float) -> float:
-        block = sphere_block(p.replace(**{name: float(value)}), l)
-        scale = np.max(np.abs(block), axis=0)
+        try:
+            at = p.replace(**{name: float(value)})
+            with np.errstate(all="ignore"):
+                block = sphere_block(at, l)
+                unit = at.beta + at.D / at.R0**2 + abs(float(at.v_p(at.c0))) / at.R0
+        except (InvalidInput, LinAlgError):
+            return np.nan  # the law has no value there
+        if not np.all(np.isfinite(block)):
+            return np.nan
+        sizes = np.array([at.R0, at.c0 or at.c_r])[-block.shape[0] :]
+        block = block * sizes / sizes[:, None]
+        scale = np.max(np.abs(block), axis=0) + unit
         return float(np.linalg.det(block / np.where(scale > 0, scale, 1.0)))
 
     return determinant
@@ -40,26 +57,73 @@ def onsets(
 ) -> tuple[float, ...]:
     """Values of the parameter `name` in [low, high] where a real mode l of the sphere is neutral.
 
-    Found to rounding; two that lie closer than a fortieth of the interval may be missed.
+    Found to rounding, in ascending order.
     """
     return _roots(_critical(p, name, l), np.linspace(low, high, 41))
 
 
-def onset_speed(p: Parameters, l: int = 1) -> float | None:  # noqa: E741
-    """Smallest v_p0 at which mode l of the homogeneous sphere is neutral; None if there is none."""
+def onsets_anywhere(p: Parameters, name: str, l: int = 1) -> tuple[float, ...]:  # noqa: E741
+    """The same for all values of a parameter from its unit / 1e4 to its unit * 1e4.
+
+    The unit is the value in p, or if that is 0 the one that compares with the rest of p.
+    """
+    if name == "v_p0":
+        return onset_speeds(p, l)
+    return _roots(_critical(p, name, l), _unit(p, name) * np.geomspace(1e-4, 1e4, 81))
+
+
+def _unit(p: Parameters, name: str) -> float:
+    value = float(getattr(p, name))
+    if value > 0:
+        return value
+    rate = max(p.beta, p.D / p.R0**2, abs(float(p.v_p(p.c0))) / p.R0)
+    stress = (p.eta_s + p.eta_b) * rate / p.R0
+    return {
+        "delta_P": stress,
+        "eta_b": p.eta_s,
+        "c0": p.c_r,
+        "beta": rate,
+        "D": rate * p.R0**2,
+        "alpha": stress * p.R0 / (p.c0 or p.c_r),
+    }.get(name, 1.0)
+
+
+def onset_speeds(p: Parameters, l: int = 1) -> tuple[float, ...]:  # noqa: E741
+    """All v_p0 at which a real mode l of the homogeneous sphere is neutral, ascending."""
     unit = p.D / p.R0 + p.beta * p.R0 + p.alpha * p.c0 * p.R0 / (p.eta_s + p.eta_b)
     if unit == 0:
-        return None
-    found = _roots(_critical(p, "v_p0", l), unit * np.geomspace(1e-6, LARGEST_SPEED, 37))
+        return ()
+    return _roots(_critical(p, "v_p0", l), unit * np.geomspace(1e-6, LARGEST_SPEED, 37))
+
+
+def onset_speed(p: Parameters, l: int = 1) -> float | None:  # noqa: E741
+    """Smallest v_p0 at which mode l of the homogeneous sphere is neutral; None if there is none."""
+    found = onset_speeds(p, l)
     return found[0] if found else None
 
 
 def _roots(function: Callable[[float], float], grid: Array) -> tuple[float, ...]:
+    """The zeros of a function on an ascending grid, two between the same neighbors included."""
     values = [function(v) for v in grid]
-    pairs = zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True)
+    known = list(zip(grid, values, strict=True))
+    for k in range(1, grid.size - 1):
+        around = values[k - 1 : k + 2]
+        sign = np.sign(around[1])
+        left, middle, right = (sign * value for value in around)
+        # an extremum towards zero may hide two zeros
+        if 0 < middle < min(left, right):
+            nearest = minimize_scalar(
+                lambda v, sign=sign: sign * function(v),
+                bounds=(grid[k - 1], grid[k + 1]),
+                method="bounded",
+                options={"xatol": 1e-6 * (grid[k + 1] - grid[k - 1])},
+            )
+            if nearest.fun < 0:
+                known.append((nearest.x, sign * nearest.fun))
+    known.sort()
     return tuple(
         float(brentq(function, a, b, xtol=1e-14 * max(abs(a), abs(b)), rtol=1e-14))
-        for a, b, f, g in pairs
+        for (a, f), (b, g) in pairwise(known)
         if f * g < 0 or (f == 0 and a == grid[0])
     )
 
@@ -67,7 +131,7 @@ def _roots(function: Callable[[float], float], grid: Array) -> tuple[float, ...]
 def departure(
     p: Parameters, name: str, value: float, options: Options, n: int = MODES, sign: float = 1.0
 ) -> Point:
-    """The branch point of the homogeneous state at `value`, its tangent along the null vector.
+    """The branch point of the homogeneous state at `value` with the tangent of the new branch.
 
     For sign = +1 the new branch leaves with more filaments at the pole x = 0 (the rear).
     Raises InvalidInput where the homogeneous state has no single neutral mode.
@@ -76,10 +140,37 @@ def departure(
     system = SteadySystem(at, n, (name,))
     x = homogeneous_unknowns(at, n)
     _, jacobian = system.residual_and_jacobian(x, np.array([value]))
-    _, sizes, modes = np.linalg.svd(jacobian * system.scale)
+    left, sizes, modes = np.linalg.svd(jacobian * system.scale)
     if not (sizes[-1] < 1e-9 * sizes[0] and sizes[-1] < 1e-3 * sizes[-2]):
         raise InvalidInput(f"{name} = {value:.10g} is no simple branch point of the sphere")
     null = modes[-1] * system.scale
     rear = np.sum(split(null, n)[2])
     towards = null if rear * sign > 0 else -null
-    return started(system, x, value, towards, 0.0, options)
+    along = _along_sphere(p, name, value, n)
+    drift = _drift(system, x, along, value, towards, left[:, -1])
+    size = np.sqrt(np.sum(system.weights * towards**2))
+    if abs(drift) <= SYMMETRIC * size * options.parameter_scale:
+        drift = 0.0
+    return started(system, x, value, towards + drift * along, drift, options)
+
+
+def _along_sphere(p: Parameters, name: str, value: float, n: int) -> Array:
+    """d/d(name) of the unknowns of the homogeneous sphere."""
+    shifted = SteadySystem(p, n, (name,)).point(np.array([value + 1j * COMPLEX_STEP]))
+    return homogeneous_unknowns(shifted, n).imag / COMPLEX_STEP
+
+
+def _drift(
+    system: SteadySystem, x: Array, along: Array, value: float, towards: Array, left: Array
+) -> float:
+    """d(parameter)/d(amplitude) of the new branch at its origin: -<F_xx t t>/(2 <dF_x/dq t>).
+
+    <> is the product with the left null vector, dF_x/dq taken along the sphere. Zero where the two
+    directions mirror each other (odd l): a pitchfork; else the bifurcation is transcritical.
+    Source: Govaerts, *Numerical Methods for Bifurcations*, 2000, chapter 7.
+    """
+    q = np.array([value])
+    step = 1j * COMPLEX_STEP
+    bent = system.residual_and_jacobian(x + step * towards, q)[1].imag / COMPLEX_STEP
+    moved = system.residual_and_jacobian(x + step * along, q + step)[1].imag / COMPLEX_STEP
+    return -float(left @ bent @ towards) / (2 * float(left @ moved @ towards))

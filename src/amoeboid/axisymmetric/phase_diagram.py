@@ -7,19 +7,22 @@ turns from super- to subcritical.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.axisymmetric.branches import interpolated_state
 from amoeboid.axisymmetric.criticality import critical_values
 from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.paths import Path, Window, asymmetry, steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.stability import count_unstable, growth_rates, unstable_modes
+from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
+from amoeboid.axisymmetric.states import Rising
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
-from amoeboid.numerics.continuation import Options, Point, Stalled, follow, through
+from amoeboid.numerics.arcs import Arc, arcs, at_value
+from amoeboid.numerics.continuation import Options, Point, Stalled, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
 from amoeboid.parameters import Parameters
@@ -30,6 +33,10 @@ Array = NDArray[Any]
 REST, POLARIZED, BISTABLE, NEITHER, UNRESOLVED = range(5)
 AT_TIP = 1e-3
 """A fold this near the threshold, relatively, lies at the tip of the bistable region."""
+ROUNDING = 100 * float(np.finfo(float).eps)
+"""Error of the growth rates of the sphere in units of the fastest of them."""
+ON_LINE = 1e-2
+"""A fold this near a line of folds, relatively, lies on it; the line is straight between points."""
 REGIONS = ("rest", "polarized", "bistable", "neither stable", "unresolved")
 
 
@@ -54,17 +61,35 @@ class Column:
 class PhaseDiagram:
     """Regions and flow (rows of v_p0, columns of the other parameter) with their edges.
 
-    `fold_line` holds (value, v_p0) along the curve of folds, `tips` the points (value, v_p0) where
-    it meets the threshold. `problems` says what could not be followed to its end.
+    Each of `fold_lines` holds (value, v_p0) along a curve of folds, `tips` are the points
+    (value, v_p0) where one meets the threshold. `problems` says what could not be followed to its
+    end.
     """
 
     name: str
     values: Array
     speeds: Array
     columns: tuple[Column, ...]
-    fold_line: tuple[tuple[float, float], ...]
+    fold_lines: tuple[tuple[tuple[float, float], ...], ...]
     tips: tuple[tuple[float, float], ...]
     problems: tuple[str, ...] = ()
+
+    @property
+    def complete(self) -> bool:
+        """Whether all branches and lines of folds were followed to their ends."""
+        return not self.problems
+
+    @property
+    def fold_line(self) -> tuple[tuple[float, float], ...]:
+        """The points of all lines of folds, line after line."""
+        return tuple(pair for line in self.fold_lines for pair in line)
+
+    def __repr__(self) -> str:
+        found = "complete" if self.complete else "incomplete"
+        rows, columns = self.speeds.size, self.values.size
+        counts = [f"{np.sum(self.regions == k)} {REGIONS[k]}" for k in np.unique(self.regions)]
+        lines = [f"phase diagram in {self.name} and v_p0, {found}: {columns} x {rows} cells"]
+        return "\n".join([*lines, ", ".join(counts), *(f"- {text}" for text in self.problems)])
 
     @property
     def regions(self) -> Array:
@@ -97,16 +122,20 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
     threshold = onset_speed(p)
     if threshold is None:
         return Column(value, None, (), np.where(resting, REST, NEITHER), np.zeros(speeds.size))
-    points, folds, problem = _polarized_branch(p, threshold, float(speeds[-1]))
+    path, folds, problem = _polarized_branch(p, threshold, speeds)
     # a branch that stops on its way down hides the faster states at every v_p0
-    hidden = not points or points[-1].parameter_tangent < 0
+    hidden = not path or path[-1].b.parameter_tangent < 0
     flow, unresolved = np.zeros(speeds.size), np.zeros(speeds.size, dtype=bool)
     for row, v in enumerate(speeds):
-        state = _fastest(p.replace(v_p0=float(v)), points)
-        beyond = problem != "" and (hidden or v > points[-1].parameter)
-        if beyond or (state is not None and not state.converged):
+        if problem and (hidden or v > path[-1].b.parameter):
             unresolved[row] = True
-        elif state is not None and not any(unstable_modes(state).values()):
+            continue
+        try:
+            state = _fastest_stable(p, float(v), path, _options(threshold))
+        except Stalled:
+            unresolved[row] = True
+            continue
+        if state is not None:
             flow[row] = state.max_retrograde_speed
     regions = np.where(
         flow > 0, np.where(resting, BISTABLE, POLARIZED), np.where(resting, REST, NEITHER)
@@ -116,39 +145,58 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
 
 
 def _rests(p: Parameters) -> bool:
-    """Whether the homogeneous sphere is stable; its growth rates do not depend on m."""
-    return count_unstable(growth_rates(homogeneous(p, 4), 0, 8), p) == 0
+    """Whether the homogeneous sphere is stable; its growth rates do not depend on m.
+
+    They are exact to rounding there: a cell right next to the threshold is on its side of it.
+    """
+    rates = growth_rates(homogeneous(p, 4), 0, 8)
+    return bool(rates.real.max() <= ROUNDING * np.abs(rates).max())
+
+
+def _options(threshold: float) -> Options:
+    return Options(parameter_scale=threshold, max_step=0.4, angle=0.2, max_points=200)
 
 
 def _polarized_branch(
-    p: Parameters, threshold: float, high: float
-) -> tuple[list[Point], tuple[Point, ...], str]:
-    """Points and folds of the branch, and what stopped it before it rose beyond `high`."""
-    options = Options(parameter_scale=threshold, max_step=0.4, angle=0.2, max_points=200)
-    points: list[Point] = []
-    folds = []
+    p: Parameters, threshold: float, speeds: Array
+) -> tuple[list[Arc], tuple[Point, ...], str]:
+    """Arcs and folds of the branch, and what stopped it before it rose beyond all speeds."""
+    options, rising = _options(threshold), Rising(float(max(speeds[-1], threshold)))
+    window = Window(float(min(speeds[0], threshold)), rising.value)
+    found: list[Arc] = []
+    problem = ""
+    path: Path | None = None
     try:
-        points.append(departure(p, "v_p0", threshold, options))
-        for point in follow(points[0], options):
-            if point.fold:
-                folds.append(point)
-                continue
-            points.append(point)
-            if point.parameter > max(high, threshold) or point.parameter <= 0:
-                return points, tuple(folds), ""
+        start = departure(p, "v_p0", threshold, options)
+        path = Path(p, "v_p0", start, options, window=window)
+        for arc in path:
+            found.append(arc)
+            if rising.for_good(arc.b):
+                break
+        else:
+            if not path.end:
+                problem = f"not finished after {options.max_points} points"
     except (Stalled, InvalidInput) as stop:
-        return points, tuple(folds), str(stop)
-    return points, tuple(folds), f"not finished after {options.max_points} points"
+        problem = "" if rising.already else str(stop)
+        if path is not None and path.unresolved is not None:
+            found.append(path.unresolved)  # the first part of it may be resolved
+    return found, tuple(arc.b for arc in found if arc.b.fold), problem
 
 
-def _fastest(p: Parameters, points: list[Point]) -> SteadyState | None:
-    """The last crossing of p.v_p0 along the branch, beyond its fold; None if it never crosses.
+def _fastest_stable(
+    p: Parameters, v_p0: float, path: list[Arc], options: Options
+) -> SteadyState | None:
+    """The last stable state at v_p0 along the branch; None if there is none.
 
-    Look at `converged`: Newton's method may fail at a crossing.
+    Raises Stalled if a state that the branch passes cannot be found.
     """
-    for a, b in zip(points[-2::-1], points[:0:-1], strict=True):
-        if min(a.parameter, b.parameter) <= p.v_p0 <= max(a.parameter, b.parameter):
-            return interpolated_state(p, a, b)
+    for arc in reversed(path):
+        point = at_value(arc, v_p0, options)
+        if point is None:
+            continue
+        state = steady_state_at(p, "v_p0", point)
+        if state.max_retrograde_speed > 0 and not any(unstable_modes(state).values()):
+            return state
     return None
 
 
@@ -183,12 +231,14 @@ def fold_line(
         half: list[tuple[float, float]] = []
         try:
             begin = through(system, found.x, column.value, direction, options)
-            for count, point in enumerate(follow(begin, options), 1):
-                watch(Progress("fold line", name, point.parameter, n, count))
-                turned = point.fold or point.parameter_tangent * direction < 0
-                if turned or not values[0] <= point.parameter <= values[-1]:
+            for count, arc in enumerate(arcs(begin, options), 1):
+                reached = float(np.clip(arc.b.parameter, values[0], values[-1]))
+                if reached == arc.a.parameter or _mirrored(begin, arc.b):
                     break
-                half.append((point.parameter, float(point.x[-1])))
+                watch(Progress("fold line", name, reached, n, count))
+                half.extend(_inside(arc, reached, options))
+                if reached != arc.b.parameter:
+                    break
             else:
                 problems.append(f"not finished after {options.max_points} points")
         except (Stalled, InvalidInput) as stop:
@@ -196,6 +246,25 @@ def fold_line(
                 problems.append(str(stop))
         line = line + half if direction > 0 else half[::-1] + line
     return line, problems
+
+
+def _inside(arc: Arc, reached: float, options: Options) -> list[tuple[float, float]]:
+    """The end of an arc of the line of folds, or where it leaves the values at `reached`."""
+    point = arc.b if reached == arc.b.parameter else at_value(arc, reached, options)
+    return [] if point is None else [(reached, float(point.x[-1]))]
+
+
+def _mirrored(begin: Point, point: Point) -> bool:
+    """Whether a line of folds has passed its tip, to the mirror images of its states."""
+    a, b = (_asymmetry_at_fold(q) for q in (begin, point))
+    size = min(a.size, b.size)
+    return float(a[:size] @ b[:size]) < 0
+
+
+def _asymmetry_at_fold(point: Point) -> Array:
+    folds: Any = point.system
+    size = (point.x.size - 1) // 2
+    return asymmetry(Point(folds.system, point.x[:size], float(point.x[-1]), np.zeros(size), 1.0))
 
 
 def _at_tip(p: Parameters, name: str, line: list[tuple[float, float]]) -> bool:
@@ -214,18 +283,33 @@ def phase_diagram(
     watch: Watch = unwatched,
 ) -> PhaseDiagram:
     """The diagram of finished columns, with its fold line and the tips of the bistable region."""
-    folded = [c for c in columns if c.folds]
-    line: list[tuple[float, float]] = []
+    lines: list[tuple[tuple[float, float], ...]] = []
     problems = [f"branch at {name} = {c.value:.6g}: {c.problem}" for c in columns if c.problem]
-    if folded:
-        line, stops = fold_line(p, name, values, max(folded, key=_depth), watch)
-        problems += [f"line of folds: {stop}" for stop in stops]
+    for column in sorted((c for c in columns if c.folds), key=_depth, reverse=True):
+        for fold in column.folds:
+            if any(_on_line(line, column.value, fold.parameter) for line in lines):
+                continue
+            line, stops = fold_line(p, name, values, replace(column, folds=(fold,)), watch)
+            problems += [f"line of folds: {stop}" for stop in stops]
+            if line:
+                lines.append(tuple(line))
+    problems = list(dict.fromkeys(problems))
     tips = []
     for value in critical_values(p, name, list(np.linspace(values[0], values[-1], 9))):
         threshold = onset_speed(p.replace(**{name: value}))
         if threshold is not None:
             tips.append((value, threshold))
-    return PhaseDiagram(name, values, speeds, columns, tuple(line), tuple(tips), tuple(problems))
+    return PhaseDiagram(name, values, speeds, columns, tuple(lines), tuple(tips), tuple(problems))
+
+
+def _on_line(line: tuple[tuple[float, float], ...], value: float, speed: float) -> bool:
+    """Whether a line of folds passes through (value, speed)."""
+    for (a, f), (b, g) in pairwise(line):
+        if min(a, b) <= value <= max(a, b):
+            share = (value - a) / (b - a) if b != a else 0.0
+            if abs(f + share * (g - f) - speed) <= ON_LINE * speed:
+                return True
+    return any(a == value and abs(f - speed) <= ON_LINE * speed for a, f in line)
 
 
 def _depth(column: Column) -> float:

@@ -10,14 +10,7 @@ from typing import TYPE_CHECKING, Any
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import (
-    add_settings,
-    parameters_of,
-    print_json,
-    real,
-    warn_without_pressure,
-    whole,
-)
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json, real, whole
 from amoeboid.cli.tables import number, table, width
 from amoeboid.validation import InvalidInput
 
@@ -32,7 +25,7 @@ VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "v_p0",
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `branch`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument("--vary", default="v_p0", metavar="NAME", help="the parameter (v_p0)")
     parser.add_argument(
         "--from",
@@ -57,32 +50,30 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
     parser.epilog = (
         "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
-        "other parameter at the fastest polarized state at --from or, if there is none, where the\n"
-        "sphere loses stability within the window. It ends where it leaves the window or meets\n"
-        "the sphere. Exit code 1: it could not be followed that far.\n"
+        "other parameter at the polarized states at --from and where the sphere loses stability\n"
+        "within the window. It is followed through its folds outside the window as well; what\n"
+        "lies inside is listed. Exit code 1: it could not be followed to its end.\n"
         f"{PLOT_FAILS}"
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Follow, print, draw."""
-    p = parameters_of(args)
+    p = only_parameters(args)
     start = _checked_start(args, p)
     check_picture(args.plot)
     with shown() as watch:
         branch = _branch(args, p, start, watch)
-    if branch.message:
-        advice = (
-            "one can also end the window earlier, or smooth the states by a larger D or delta_P"
-        )
-        tell("branch", f"incomplete: {branch.message}; {advice}")
-    pressures = [b.state.parameters.delta_P for b in branch.points]
-    warn_without_pressure("branch", min(pressures, default=p.delta_P))
+    for problem in branch.problems:
+        tell("branch", problem)
+    if not branch.complete:
+        advice = "end the window earlier, or smooth the states by a larger D or delta_P"
+        tell("branch", f"incomplete; one can {advice}")
     if args.json:
         print_json(_document(branch))
     else:
         _print_branch(branch)
-    code = INCOMPLETE if branch.message else 0
+    code = 0 if branch.complete else INCOMPLETE
     if args.plot is None:
         return code
     from amoeboid.plotting.branches import draw_branch
@@ -113,17 +104,12 @@ def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
 
 
 def _branch(args: argparse.Namespace, p: Parameters, start: float, watch: Watch) -> Branch:
-    from amoeboid.axisymmetric.branches import (
-        Window,
-        branch_from_sphere,
-        branch_from_state,
-        search,
-    )
+    from amoeboid.axisymmetric.branches import polarized_branch
     from amoeboid.axisymmetric.onset import onset_speed
     from amoeboid.numerics.continuation import Options
 
     name, end = args.vary, args.end
-    window = Window(min(start, end), max(start, end))
+    low, high = min(start, end), max(start, end)
     scale = (onset_speed(p) if name == "v_p0" else None) or max(abs(start), abs(end))
     options = Options(
         parameter_scale=scale,
@@ -131,23 +117,14 @@ def _branch(args: argparse.Namespace, p: Parameters, start: float, watch: Watch)
         first_step=min(0.05, args.max_step),
         max_points=args.max_points,
     )
-    branch = None
-    if name != "v_p0":
-        state = search(p.replace(**{name: start}), (1,), watch).states[-1]
-        if state.max_retrograde_speed > 0:
-            branch = branch_from_state(state, name, window, end - start, options, watch)
-    if branch is None:
-        branch = branch_from_sphere(p, name, window, options=options, watch=watch)
+    branch = polarized_branch(p, name, start, end, options, watch)
     if branch is None:
         raise InvalidInput(
-            f"no polarized state found for {name} between {window.low:g} and {window.high:g}; "
+            f"no polarized state found for {name} between {low:g} and {high:g}; "
             "set v_p0 above its threshold (see amoeboid steady)"
         )
-    if not branch.points and not branch.message:
-        raise InvalidInput(
-            f"the polarized branch does not enter {window.low:g} <= {name} <= {window.high:g}; "
-            f"it starts at {name} = {branch.origin:.6g}: choose --to beyond that"
-        )
+    if not branch.points and branch.complete:
+        raise InvalidInput(f"{branch.message}: choose a window that it passes")
     return branch
 
 
@@ -168,28 +145,41 @@ def _row(name: str, b: BranchPoint, neutral: int | None = None) -> dict[str, Any
 
 def _document(branch: Branch) -> dict[str, Any]:
     name = branch.name
-    origin = [] if branch.origin is None else [{name: branch.origin, "m": 0}]
+    origins = [{name: value, "m": 0} for value in branch.origins]
+    numbers = range(len(branch.pieces))
     crossings = [(c.oscillating, {**_row(name, c.at, c.m), "m": c.m}) for c in branch.crossings]
     return {
         "vary": name,
-        "points": [_row(name, b) for b in branch.points],
+        "points": [
+            {**_row(name, b), "piece": k}
+            for k, piece in zip(numbers, branch.pieces, strict=True)
+            for b in piece
+            if not b.point.fold
+        ],
         "folds": [_row(name, b, 0) for b in branch.folds],
-        "branch_points": origin + [row for oscillating, row in crossings if not oscillating],
+        "branch_points": origins + [row for oscillating, row in crossings if not oscillating],
         "hopf_points": [row for oscillating, row in crossings if oscillating],
+        "complete": branch.complete,
+        "problems": list(branch.problems),
         "message": branch.message,
     }
 
 
 def _print_branch(branch: Branch) -> None:
     titles = (branch.name, "v_0", "c front", "c rear", "zeta_0", "unstable m = 0 1 2 3")
-    rows = []
-    for b in branch.points:
-        s = b.state
-        numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
-        rows.append((*map(number, numbers), " ".join(map(str, b.unstable.values()))))
-    say(*table(titles, rows, limit=width()))
-    if branch.origin is not None:
-        say(f"leaves the homogeneous sphere at {branch.name} = {number(branch.origin, 9)}")
+    for piece in branch.pieces:
+        rows = []
+        for b in piece:
+            if b.point.fold:
+                continue
+            s = b.state
+            numbers = (b.value, s.max_retrograde_speed, s.c_front, s.c_rear, s.zeta0)
+            rows.append((*map(number, numbers), " ".join(map(str, b.unstable.values()))))
+        say(*table(titles, rows, limit=width()), "")
+    if len(branch.pieces) > 1:
+        say(f"the branch is in the window {len(branch.pieces)} times, one table each")
+    for value in branch.origins:
+        say(f"leaves the homogeneous sphere at {branch.name} = {number(value, 9)}")
     for fold in branch.folds:
         speed = number(fold.state.max_retrograde_speed)
         say(f"fold at {branch.name} = {number(fold.value, 9)}, v_0 = {speed}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown, shown_line
-from amoeboid.cli.settings import add_settings, parameters_of, print_json, real, whole
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json, real, whole
 from amoeboid.cli.tables import number, width
 from amoeboid.validation import InvalidInput
 
@@ -25,7 +25,7 @@ GAP = 2  # blanks between the speeds and the map
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `phase-diagram`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
     parser.add_argument(
         "--from", dest="low", type=real, default=0.03, metavar="VALUE", help="its lowest (0.03)"
@@ -51,7 +51,7 @@ def execute(args: argparse.Namespace) -> int:
 
     from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
 
-    p = parameters_of(args)
+    p = only_parameters(args)
     _check(args, p)
     check_picture(args.plot)
     values = np.linspace(args.low, args.high, args.columns)
@@ -121,8 +121,11 @@ def _document(diagram: PhaseDiagram) -> dict[str, Any]:
         "regions": [[REGIONS[k] for k in row] for row in diagram.regions],
         "max_retrograde_speed": [[float(v) for v in row] for row in diagram.flow],
         "threshold": pairs(thresholds),
-        "fold": pairs(diagram.fold_line),
+        "fold": [
+            {**pair, "line": k} for k, line in enumerate(diagram.fold_lines) for pair in pairs(line)
+        ],
         "boundary": pairs(diagram.tips),
+        "complete": diagram.complete,
         "problems": list(diagram.problems),
     }
 

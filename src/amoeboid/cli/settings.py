@@ -8,17 +8,19 @@ import re
 from dataclasses import fields
 from typing import Any
 
-from amoeboid.cli.output import say, tell
+from amoeboid.cli.output import say
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.parameters import Parameters
-from amoeboid.validation import rule
+from amoeboid.validation import InvalidInput, rule
+
+ANY_FIELD = " or any other field of the configuration (time.end=50)"
 
 # nan and inf are numbers that every option refuses with its own range.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf)", re.ASCII)
 WHOLE_NUMBER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 
 
-def add_settings(parser: argparse.ArgumentParser) -> None:
+def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> None:
     """Add `--set name=value` (repeatable) and `--json`."""
     parser.add_argument(
         "--set",
@@ -26,8 +28,7 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help="change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+c/c_r)') or any other field "
-        "of the configuration (time.end=50); repeatable",
+        help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+c/c_r)'){others}; repeatable",
     )
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on standard output, nothing else"
@@ -50,19 +51,26 @@ def whole(text: str) -> int:
     return int(text)
 
 
-def parameters_of(args: argparse.Namespace) -> Parameters:
-    """The parameters that `--set` gives, starting from the paper's parameter table."""
-    return with_settings(Config(parameters=Parameters()), args.settings).parameters
+def add_parameters(parser: argparse.ArgumentParser) -> None:
+    """The same for a command that uses parameters alone."""
+    add_settings(parser, "")
 
 
-def warn_without_pressure(command: str, lowest: float) -> None:
-    """Say on standard error that counts of growing modes mean little at delta_P = 0."""
-    if lowest == 0:
-        tell(
-            command,
-            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
-            "on the resolution; raise delta_P to trust them",
-        )
+def only_parameters(args: argparse.Namespace) -> Parameters:
+    """The parameters that `--set` gives, starting from the paper's parameter table.
+
+    Raises InvalidInput for any other field of the configuration: it would change nothing.
+    """
+    start = Config(parameters=Parameters())
+    for setting in args.settings:
+        section, dot, _ = setting.partition("=")[0].strip().partition(".")
+        if dot and section != "parameters":
+            with_settings(start, [setting])  # what is no field at all is refused as such
+            raise InvalidInput(
+                f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` and "
+                "`bench` use it; leave it out"
+            )
+    return with_settings(start, args.settings).parameters
 
 
 def print_json(result: dict[str, Any]) -> None:

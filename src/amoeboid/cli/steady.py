@@ -9,18 +9,19 @@ from typing import Any
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_settings, parameters_of, print_json, warn_without_pressure
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json
 from amoeboid.cli.tables import number, percent, table, width
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `steady`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the states (.png .pdf .svg)"
     )
     parser.epilog = (
-        "Searched: the branches that the modes l = 1, 2, 3 of the homogeneous sphere send out.\n"
+        "Searched: the branches that bifurcate from the homogeneous sphere in l = 1, 2, 3.\n"
+        "c front and c rear: the lowest and the highest concentration on the surface.\n"
         "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays.\n"
         f"{PLOT_FAILS}"
     )
@@ -28,23 +29,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Search, print, draw."""
-    from amoeboid.axisymmetric.branches import search
     from amoeboid.axisymmetric.stability import unstable_modes
+    from amoeboid.axisymmetric.states import steady_states
 
-    p = parameters_of(args)
+    p = only_parameters(args)
     check_picture(args.plot)
     with shown() as watch:
-        found = search(p, watch=watch)
+        found = steady_states(p, watch=watch)
     unstable = [unstable_modes(s) for s in found.states]
     rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
-        tell("steady", f"states may be missing: {problem}")
-    if found.problems:
+        tell("steady", problem)
+    if not found.complete:
         advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
-        tell("steady", advice)
-    warn_without_pressure("steady", p.delta_P)
+        tell("steady", f"states may be missing; {advice}")
     if args.json:
-        print_json({"states": rows, "problems": list(found.problems)})
+        print_json({"states": rows, "complete": found.complete, "problems": list(found.problems)})
     else:
         _print_table(rows)
     if args.plot is None:

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say
-from amoeboid.cli.settings import add_settings, parameters_of, print_json
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json
 from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
@@ -41,7 +41,7 @@ UNITS = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `theory`."""
-    add_settings(parser)
+    add_parameters(parser)
     parser.add_argument(
         "--physical",
         action="store_true",
@@ -63,7 +63,7 @@ def execute(args: argparse.Namespace) -> int:
         result["parameters"] = {**PAPER_CELL, **given}
         result["units"] = {key: unit for key, (_, unit) in UNITS.items() if key in result}
     else:
-        p = parameters_of(args)
+        p = only_parameters(args)
         result = _result(summary(p))
         result["parameters"] = p.as_dict()
     if args.json:

@@ -96,6 +96,17 @@ class Stalled(Exception):
     """No step, however short, could be taken from a point of the branch."""
 
 
+class Unresolved(Stalled):
+    """The finest discretization does not resolve a point of the branch, `point`."""
+
+    def __init__(self, point: Point) -> None:
+        super().__init__(
+            f"the finest discretization does not resolve the solution at parameter = "
+            f"{point.parameter:.10g}"
+        )
+        self.point = point
+
+
 def follow(start: Point, options: Options) -> Iterator[Point]:
     """The points of a branch after `start`, located folds among them, along its tangent.
 
@@ -104,10 +115,7 @@ def follow(start: Point, options: Options) -> Iterator[Point]:
     here, step, size = start, options.first_step, _size(start)
     for _ in range(options.max_points):
         there, taken = _next(here, step, options)
-        if here.parameter_tangent * there.parameter_tangent < 0:
-            # where branches cross the tangent may turn back too, but Newton's method fails: no fold
-            with suppress(Stalled):
-                yield located(here, there, lambda p: p.parameter_tangent, options, fold=True)
+        yield from _folds(here, there, options)
         turn = _turn(here, there, options)
         here = adapted(there, options)
         yield here
@@ -119,7 +127,7 @@ def follow(start: Point, options: Options) -> Iterator[Point]:
 def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
     while step >= options.min_step:
         there = at_distance(here, step, options)
-        if there is not None and _turn(here, there, options) <= 2 * options.angle:
+        if there is not None and _bend(here, there, options) <= 2 * options.angle:
             return there, step
         step /= 2
     raise Stalled(
@@ -128,11 +136,82 @@ def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
     )
 
 
+def _folds(here: Point, there: Point, options: Options) -> Iterator[Point]:
+    """The folds between neighbors of a branch, two close ones included.
+
+    Where branches cross the tangent may turn back too, but Newton's method fails: no fold.
+    """
+    known = [here, *_probes(here, there, options), there]
+    for a, b in pairwise(known):
+        if a.parameter_tangent * b.parameter_tangent < 0:
+            with suppress(Stalled):
+                yield located(here, b, lambda p: p.parameter_tangent, options, fold=True, after=a)
+
+
+def _probes(here: Point, there: Point, options: Options) -> list[Point]:
+    """Points between neighbors, where the parameter may turn back twice.
+
+    That is where the cubic through values and slopes at both ends comes near a fold, and next to a
+    point at which the tangent has no parameter component: there the branch may fold at once.
+    """
+    span = there.length - here.length
+    if here.parameter_tangent == 0.0:
+        shares = [0.25, 0.5]
+    else:
+        row = slope_row(here, options)
+        ends = np.array([slope(q, row) for q in (here, there)])
+        rise = (there.parameter - here.parameter) / span
+        # slope of the cubic: e_0 (1 - t)^2 + 2 m t (1 - t) + e_1 t^2
+        middle = 3 * rise - ends.sum()
+        if ends[0] * ends[1] < 0 or abs(ends).min() == 0.0:
+            return []
+        bend = ends[0] - 2 * middle + ends[1]
+        share = (ends[0] - middle) / bend if bend != 0 else 0.5
+        lowest = ends[0] + 2 * (middle - ends[0]) * share + bend * share**2
+        if not 0 < share < 1 or lowest * np.sign(ends[0]) > 0.25 * abs(ends).min():
+            return []
+        shares = [float(share)]
+    between = (at_distance(here, share * span, options) for share in shares)
+    return [point for point in between if point is not None]
+
+
 def _turn(a: Point, b: Point, options: Options) -> float:
+    """Angle between the tangents."""
     cosine = _inner(a.system, a.x_tangent, b.x_tangent) + (
         a.parameter_tangent * b.parameter_tangent / options.parameter_scale**2
     )
     return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+
+
+def _bend(a: Point, b: Point, options: Options) -> float:
+    """Largest angle between the tangents and the chord of neighbors.
+
+    On a smooth curve all are of the order of its turn; a chord that leaves both tangents leads to
+    another branch.
+    """
+    x, parameter = b.x - a.x, (b.parameter - a.parameter) / options.parameter_scale**2
+    length = np.sqrt(
+        _inner(a.system, x, x) + ((b.parameter - a.parameter) / options.parameter_scale) ** 2
+    )
+    cosines = [
+        (_inner(a.system, x, q.x_tangent) + parameter * q.parameter_tangent) / length
+        for q in (a, b)
+    ]
+    return max(_turn(a, b, options), float(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+
+
+def slope_row(anchor: Point, options: Options) -> Array:
+    """The functional that measures distance along the tangent at `anchor`."""
+    return np.append(
+        anchor.system.weights * anchor.x_tangent,
+        anchor.parameter_tangent / options.parameter_scale**2,
+    )
+
+
+def slope(point: Point, row: Array) -> float:
+    """d(parameter)/d(distance) at a point, distances along the tangent that `row` stands for."""
+    along = row @ np.append(point.x_tangent, point.parameter_tangent)
+    return float(point.parameter_tangent / along)
 
 
 def _size(point: Point) -> float:
@@ -143,12 +222,15 @@ def _inner(system: System, a: Array, b: Array) -> float:
     return float(np.sum(system.weights * a * b))
 
 
-def at_distance(start: Point, distance: float, options: Options) -> Point | None:
-    """The point of the branch whose projection on the tangent at `start` is `distance` on."""
+def at_distance(
+    start: Point, distance: float, options: Options, guess: Array | None = None
+) -> Point | None:
+    """The point of the branch whose projection on the tangent at `start` is `distance` on.
+
+    Newton's method starts from `guess` (x, parameter), by default from the tangent.
+    """
     system, n = start.system, start.x.size
-    row = np.append(
-        system.weights * start.x_tangent, start.parameter_tangent / options.parameter_scale**2
-    )
+    row = slope_row(start, options)
     origin = np.append(start.x, start.parameter)
     tangent = np.append(start.x_tangent, start.parameter_tangent)
 
@@ -160,7 +242,7 @@ def at_distance(start: Point, distance: float, options: Options) -> Point | None
 
     scale = np.append(system.scale, options.parameter_scale)
     found = newton(
-        residual, jacobian, origin + distance * tangent,
+        residual, jacobian, origin + distance * tangent if guess is None else guess,
         scale=scale, step_tolerance=1e-7, max_iterations=8,
     )  # fmt: skip
     if not found.converged:
@@ -205,10 +287,7 @@ def adapted(point: Point, options: Options) -> Point:
     while not point.system.resolved(point.x, np.array([point.parameter])):
         finer = _refined(point, options)
         if finer is None:
-            raise Stalled(
-                f"the finest discretization does not resolve the solution at parameter = "
-                f"{point.parameter:.10g}"
-            )
+            raise Unresolved(point)
         point = finer
     return point
 
@@ -232,14 +311,18 @@ def located(
     test: Callable[[Point], float],
     options: Options,
     fold: bool = False,
+    after: Point | None = None,
 ) -> Point:
     """The point between neighbors a and b of a branch where `test` changes sign.
+
+    If `after` is given, a point on the way, only beyond it.
 
     Newton's method has no chance at a point where branches cross; there the test is interpolated
     between points just beside it. Raises Stalled if those cannot be reached either.
     """
-    span = b.length - a.length
-    known = {0.0: (a, test(a)), span: (b, test(b))}
+    first = a if after is None else after
+    begin, span = first.length - a.length, b.length - a.length
+    known = {begin: (first, test(first)), span: (b, test(b))}
     missed: list[float] = []
 
     def at(distance: float) -> float:
@@ -252,13 +335,13 @@ def located(
         return known[distance][1]
 
     try:
-        root = brentq(at, 0.0, span, xtol=1e-9 * span, rtol=1e-13)
+        root = brentq(at, begin, span, xtol=1e-9 * span, rtol=1e-13)
         at(root)
         point = known[root][0]
     except Stalled:
         for width in (1e-5, 1e-4, 1e-3):
             with suppress(Stalled):
-                at(max(missed[0] - width * span, 0.0))
+                at(max(missed[0] - width * span, begin))
                 at(min(missed[0] + width * span, span))
                 break
         point = _interpolated(known, 2.1e-3 * span)

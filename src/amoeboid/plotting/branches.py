@@ -121,21 +121,25 @@ def draw_branch(branch: Branch, path: Path) -> None:
 
 def _pieces(branch: Branch) -> list[tuple[list[BranchPoint], bool]]:
     """The branch cut where its stability changes: at folds and crossings."""
-    special = [*branch.folds, *(c.at for c in branch.crossings)]
-    ordered = sorted((*branch.points, *special), key=lambda b: b.point.length)
-    pieces: list[tuple[list[BranchPoint], bool]] = []
-    for a, b in pairwise(ordered):
-        stable = a.stable if a not in special else b.stable
-        if pieces and pieces[-1][1] == stable:
-            pieces[-1][0].append(b)
-        else:
-            pieces.append(([a, b], stable))
-    return pieces
+    special = {id(b) for b in (*branch.folds, *(c.at for c in branch.crossings))}
+    drawn: list[tuple[list[BranchPoint], bool]] = []
+    for number, piece in enumerate(branch.pieces):
+        inner = [c.at for c in branch.crossings if c.piece == number]
+        ordered = sorted((*piece, *inner), key=lambda b: b.point.length)
+        first = True
+        for a, b in pairwise(ordered):
+            stable = a.stable if id(a) not in special else b.stable
+            if not first and drawn[-1][1] == stable:
+                drawn[-1][0].append(b)
+            else:
+                drawn.append(([a, b], stable))
+            first = False
+    return drawn
 
 
 def _markers(axes: Any, branch: Branch) -> None:
-    if branch.origin is not None:
-        axes.plot(branch.origin, 0.0, "o", color=MARK, label=f"threshold {branch.origin:.5g}")
+    for origin in branch.origins:
+        axes.plot(origin, 0.0, "o", color=MARK, label=f"threshold {origin:.5g}")
     for fold in branch.folds:
         axes.plot(
             fold.value,
@@ -175,10 +179,10 @@ def draw_phase_diagram(diagram: PhaseDiagram, path: Path) -> None:
     handles: list[Any] = []
     if threshold:
         handles += axes.plot(*zip(*threshold, strict=True), color=STABLE, lw=2, label="threshold")
-    if diagram.fold_line:
-        handles += axes.plot(
-            *zip(*diagram.fold_line, strict=True), color=UNSTABLE, lw=2, ls="--", label="fold"
-        )
+    for k, line in enumerate(diagram.fold_lines):
+        label = "fold" if k == 0 else None
+        drawn = axes.plot(*zip(*line, strict=True), color=UNSTABLE, lw=2, ls="--", label=label)
+        handles += drawn if k == 0 else []
     for tip in diagram.tips:
         handles += axes.plot(*tip, "o", color=MARK, label=f"super/subcritical, {tip[0]:.4g}")
     present = np.unique(diagram.regions)

@@ -1,0 +1,150 @@
+"""Points of a branch with their growth rates, and where the number of growing modes changes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+from numpy.typing import NDArray
+
+from amoeboid.axisymmetric.paths import steady_state_at
+from amoeboid.axisymmetric.progress import Progress, Watch
+from amoeboid.axisymmetric.stability import (
+    AZIMUTHAL_NUMBERS,
+    count_unstable,
+    growth_rates,
+    neutral_rate,
+)
+from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.numerics.arcs import finer
+from amoeboid.numerics.continuation import Options, Point, Stalled, located
+from amoeboid.parameters import Parameters
+
+Array = NDArray[Any]
+
+
+@dataclass(frozen=True, eq=False)
+class BranchPoint:
+    """A steady state on a branch, the value of the parameter there and the growth rates."""
+
+    point: Point
+    state: SteadyState
+    value: float
+
+    @cached_property
+    def rates(self) -> dict[int, Array]:
+        """Growth rates for m = 0, 1, 2, 3, fastest first [1/time]."""
+        return {m: growth_rates(self.state, m) for m in AZIMUTHAL_NUMBERS}
+
+    @cached_property
+    def unstable(self) -> dict[int, int]:
+        """Number of growing modes for m = 0, 1, 2, 3."""
+        p = self.state.parameters
+        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
+
+    @property
+    def stable(self) -> bool:
+        """Whether every perturbation with m = 0, 1, 2, 3 decays."""
+        return not any(self.unstable.values())
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """A point where a mode of azimuthal number m becomes neutral; `oscillating` at a Hopf point.
+
+    `piece` is the index of the stretch of the branch that it lies on.
+    """
+
+    m: int
+    oscillating: bool
+    at: BranchPoint
+    piece: int = 0
+
+
+def branch_point(point: Point, p: Parameters, name: str) -> BranchPoint:
+    """The steady state of a point of a branch in `name`."""
+    return BranchPoint(point, steady_state_at(p, name, point), point.parameter)
+
+
+def located_crossings(
+    p: Parameters,
+    name: str,
+    pieces: Sequence[Sequence[BranchPoint]],
+    options: Options,
+    watch: Watch,
+) -> tuple[tuple[Crossing, ...], list[str]]:
+    """Where modes become neutral, and what was not located."""
+    found: list[Crossing] = []
+    missed: list[str] = []
+    count = 0
+    for number, piece in enumerate(pieces):
+        folds = [b for b in piece if b.point.fold]
+        for a, b in pairwise([b for b in piece if not b.point.fold]):
+            count += 1
+            watch(Progress("stability", name, b.value, b.state.n, count))
+            between = [f for f in folds if a.point.length <= f.point.length <= b.point.length]
+            for m in AZIMUTHAL_NUMBERS:
+                crossings, lost = _crossings_between(p, name, a, b, m, between, options)
+                found += [replace(crossing, piece=number) for crossing in crossings]
+                if lost:
+                    missed.append(
+                        f"the number of unstable modes m = {m} changes between {name} = "
+                        f"{a.value:.6g} and {b.value:.6g}; where was not found"
+                    )
+    return tuple(found), missed
+
+
+def _crossings_between(
+    p: Parameters,
+    name: str,
+    a: BranchPoint,
+    b: BranchPoint,
+    m: int,
+    folds: Sequence[BranchPoint],
+    options: Options,
+) -> tuple[list[Crossing], bool]:
+    """The crossings of m between neighbors, folds left out; whether one was not found."""
+    found: list[Crossing] = []
+    lost = False
+    for k in range(*sorted((a.unstable[m], b.unstable[m]))):
+        crossing = _crossing(p, name, a, b, m, k, options)
+        if crossing is None:
+            lost = True
+            continue
+        at = crossing.at
+        if found and _near(at, found[-1].at, options):
+            continue  # the other one of a pair
+        if m > 0 or not any(_near(at, fold, options) for fold in folds):
+            found.append(crossing)
+    return found, lost
+
+
+def _near(a: BranchPoint, b: BranchPoint, options: Options) -> bool:
+    return abs(a.point.length - b.point.length) <= 1e-4 * options.max_step
+
+
+def _crossing(
+    p: Parameters, name: str, a: BranchPoint, b: BranchPoint, m: int, k: int, options: Options
+) -> Crossing | None:
+    """Where the real part of the k-th fastest rate passes zero between neighbors a and b."""
+
+    def rate(point: Point) -> float:
+        rates = growth_rates(steady_state_at(p, name, point), m)
+        return float(rates[k].real) if k < rates.size else -1.0
+
+    start, end = a.point, b.point
+    while start.x.size < end.x.size:
+        start = finer(start, options)
+    while end.x.size < start.x.size:
+        end = finer(end, options)
+    if rate(start) * rate(end) >= 0:
+        return None
+    with suppress(Stalled):
+        at = branch_point(located(start, end, rate, options), p, name)
+        still = neutral_rate(at.rates[m], at.state.parameters)
+        return Crossing(m, bool(abs(at.rates[m][k].imag) > still), at)
+    return None

@@ -1,0 +1,370 @@
+"""A branch of steady states from a start to its natural end, arc by arc.
+
+A branch ends where it meets the sphere (it passes through to its own mirror image, or to another
+branch that was not asked for), where it meets states that are symmetrical front to back, where it
+comes back to its start, and where the parameter reaches zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.axisymmetric.onset import departure, onsets
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
+from amoeboid.axisymmetric.steady import SteadyState, homogeneous_unknowns
+from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.numerics.arcs import Arc, at_value
+from amoeboid.numerics.continuation import (
+    Options,
+    Point,
+    Stalled,
+    Unresolved,
+    at_distance,
+    follow,
+    located,
+    slope_row,
+)
+from amoeboid.parameters import Parameters
+from amoeboid.validation import InvalidInput
+
+Array = NDArray[Any]
+
+NOTHING = 1e-9
+"""Deviations from symmetry below this fraction are rounding."""
+
+SAME = 1e-6
+"""Relative difference up to which two states are the same."""
+
+MAX_DEGREE = 12
+"""Modes of the sphere among which that of a meeting is sought."""
+
+MAX_COARSE_STEP = 1.5
+"""Longest step where points are not asked for."""
+
+SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start", "zero"
+
+
+def modes_of(point: Point) -> int:
+    """Number of modes of a point."""
+    return (point.x.size - 3) // 3
+
+
+def steady_state_at(p: Parameters, name: str, point: Point) -> SteadyState:
+    """The steady state of a point of a branch in `name`."""
+    at = p.replace(**{name: point.parameter})
+    return SteadyState(at, modes_of(point), point.x, True, ())
+
+
+@dataclass(frozen=True)
+class Window:
+    """The values low <= parameter <= high that are asked for."""
+
+    low: float
+    high: float
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise InvalidInput(
+                f"the window of the parameter must have low < high, got {self.low!r}, {self.high!r}"
+            )
+
+    @classmethod
+    def of(cls, window: Window | tuple[float, float]) -> Window:
+        """The window itself, or that of a pair (low, high). Raises InvalidInput for others."""
+        if isinstance(window, Window):
+            return window
+        try:
+            low, high = (float(value) for value in window)
+        except (TypeError, ValueError):
+            raise InvalidInput(
+                f"the window of the parameter must be a pair (low, high), got {window!r}"
+            ) from None
+        return cls(low, high)
+
+    def holds(self, value: float) -> bool:
+        """Whether the value lies inside, ends included."""
+        return self.low <= value <= self.high
+
+    def overlap(self, arc: Arc) -> tuple[float, float] | None:
+        """(first, last) value on the way from arc.a to arc.b inside the window; None if none."""
+        a, b = (min(max(q.parameter, self.low), self.high) for q in (arc.a, arc.b))
+        return None if abs(b - a) <= NOTHING * max(abs(a), abs(b)) else (a, b)
+
+
+@dataclass
+class Path:
+    """Iterable of the arcs from `start` on, at most once.
+
+    Steps outside the `window`, if there is one, are coarse; where the branch comes in, it has a
+    point on the edge. After the last arc `end` names what was met (it stays empty if max_points do
+    not suffice) and `threshold` the value of the parameter where it is the sphere. `last` is the
+    end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the arc
+    that leads to it.
+    """
+
+    p: Parameters
+    name: str
+    start: Point
+    options: Options
+    watch: Watch = unwatched
+    task: str = "branch"
+    window: Window | None = None
+    end: str = ""
+    threshold: float | None = None
+    last: Point | None = None
+    unresolved: Arc | None = None
+    count: int = field(default=0, init=False)
+
+    def __iter__(self) -> Iterator[Arc]:
+        here: Point | None = self.start
+        while here is not None and not self.end and self.count < self.options.max_points:
+            inside = self.window is None or self.window.holds(here.parameter)
+            here = yield from self._stretch(here, inside)
+
+    def _stretch(self, start: Point, inside: bool) -> Generator[Arc, None, Point | None]:
+        """Arcs with one length of steps; returns where to go on with the other."""
+        options = (
+            self.options
+            if inside
+            else replace(self.options, first_step=0.05, max_step=MAX_COARSE_STEP, angle=0.2)
+        )
+        anchor = before = start
+        pending: list[Arc] = []
+        for point in self._points(start, options):
+            if self.count >= self.options.max_points:
+                return None
+            self.count += 1
+            self.watch(Progress(self.task, self.name, point.parameter, modes_of(point), self.count))
+            pending.append(Arc(anchor, before, point))
+            before = point
+            if point.fold:
+                continue
+            arcs = self._ended(anchor, point, pending)
+            self.last = arcs[-1].b
+            for arc in arcs:
+                edge = None if inside else self._entry(arc)
+                if edge is not None:
+                    self.end, self.threshold = "", None
+                    yield Arc(arc.anchor, arc.a, edge)
+                    return edge
+                yield arc
+            if self.end:
+                return None
+            if inside and self.window is not None and not self.window.holds(point.parameter):
+                return point
+            anchor, pending = point, []
+        return None
+
+    def _points(self, start: Point, options: Options) -> Iterator[Point]:
+        """The points that can be resolved."""
+        anchor = before = start
+        try:
+            for point in follow(start, options):
+                yield point
+                before = point
+                anchor = anchor if point.fold else point
+        except Unresolved as stop:
+            self.unresolved = Arc(anchor, before, stop.point)
+            raise
+
+    def _entry(self, arc: Arc) -> Point | None:
+        """The point at which a coarse arc comes into the window, if it does."""
+        overlap = self.window.overlap(arc) if self.window is not None else None
+        if overlap is None or overlap[0] == arc.a.parameter or arc.backwards:
+            return None
+        with suppress(Stalled):
+            return at_value(arc, overlap[0], self.options)
+        return None
+
+    def _ended(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
+        """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`."""
+        if _reversed(self._deviation(anchor), self._deviation(point)):
+            self.end = SPHERE
+            return self._to_sphere(anchor, point, pending)
+        if _reversed(asymmetry(anchor), asymmetry(point)):
+            self.end = SYMMETRIC
+            return self._to_symmetry(anchor, point, pending)
+        if point.parameter <= 0:
+            self.end = ZERO
+        elif self.count > 2 and any(self._closes(arc) for arc in pending):
+            self.end = CLOSED
+        return pending
+
+    def _deviation(self, point: Point) -> Array:
+        """The scaled difference of shape, flow and concentration from the sphere."""
+        at = point.system.point(np.array([point.parameter]))  # type: ignore[attr-defined]
+        difference = point.x - homogeneous_unknowns(at, modes_of(point))
+        scaled = difference * np.sqrt(point.system.weights)
+        if np.linalg.norm(scaled) <= NOTHING:
+            scaled = np.zeros_like(scaled)
+        psi, u, c, _ = split(scaled, modes_of(point))
+        return _padded(psi, u, c)
+
+    def _to_sphere(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
+        """The arcs to the threshold, the last one found from the sphere."""
+        away, beyond = (float(np.linalg.norm(self._deviation(q))) for q in (anchor, point))
+        # parameter = threshold + k amplitude^2 near the threshold, or linear in the amplitude
+        f, g = away**2, beyond**2
+        guess = anchor.parameter
+        if abs(f - g) > 1e-3 * max(f, g):
+            guess = (anchor.parameter * g - point.parameter * f) / (g - f)
+        width = 2 * max(abs(guess - anchor.parameter), abs(point.parameter - anchor.parameter))
+        width += 0.02 * abs(guess)
+        low, high = max(guess - width, 0.0), guess + width
+        found = [
+            value
+            for l in range(1, MAX_DEGREE + 1)  # noqa: E741
+            for value in onsets(self.p, self.name, low, high, l)
+        ]
+        found.sort(key=lambda value: abs(value - guess))
+        for value in found:
+            arcs = self._from_sphere(value, anchor)
+            if arcs:
+                self.threshold = value
+                return arcs
+        if not found:
+            raise Stalled(
+                f"the branch meets the sphere near parameter = {guess:.6g}, but no threshold of "
+                "the sphere was found there"
+            )
+        self.threshold = found[0]
+        at = point.system.point(np.array([found[0]]))  # type: ignore[attr-defined]
+        length = anchor.length + (point.length - anchor.length) * away / (away + beyond)
+        x = homogeneous_unknowns(at, modes_of(point))
+        return [Arc(anchor, anchor, replace(point, x=x, parameter=found[0], length=length))]
+
+    def _from_sphere(self, value: float, anchor: Point) -> list[Arc]:
+        """Arcs from `anchor` to the threshold `value` that were found from there; none if wrong."""
+        try:
+            begins = [
+                departure(self.p, self.name, value, self.options, modes_of(anchor), sign)
+                for sign in (1.0, -1.0)
+            ]
+        except InvalidInput:
+            return []
+        for begin in begins:
+            back = _backwards(begin, anchor, self.options)
+            if back:
+                return back
+        return []
+
+    def _to_symmetry(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
+        """The arcs up to where what distinguishes front and rear vanishes."""
+        reference = asymmetry(anchor)
+        meeting = located(
+            anchor,
+            _on_system_of(anchor, point, self.options),
+            lambda q: float(_product(reference, asymmetry(q))),
+            self.options,
+        )
+        kept = [arc for arc in pending if arc.b.fold and arc.b.length < meeting.length]
+        last = kept[-1].b if kept else anchor
+        return [*kept, Arc(anchor, last, meeting)]
+
+    def _closes(self, arc: Arc) -> bool:
+        start = self.start
+        if not arc.holds(start.parameter):
+            return False
+        chord = distance(arc.a, arc.b) + SAME
+        if distance(start, arc.a) > 3 * chord:
+            return False
+        try:
+            found = at_value(arc, start.parameter, self.options)
+        except Stalled:
+            return False
+        return found is not None and distance(found, start) < SAME * (1 + chord)
+
+
+def _on_system_of(anchor: Point, point: Point, options: Options) -> Point:
+    """`point` on the coarser system of `anchor`, its neighbor."""
+    if point.x.size == anchor.x.size:
+        return point
+    found = at_distance(anchor, point.length - anchor.length, options)
+    if found is None:
+        raise Stalled(f"no solution near parameter = {point.parameter:.10g}")
+    return found
+
+
+def _backwards(begin: Point, anchor: Point, options: Options) -> list[Arc]:
+    """The arcs of the branch from `begin` as far as `anchor`, in the order towards `begin`.
+
+    Empty if that branch does not lead there. Lengths continue that of `anchor`.
+    """
+    limit = 4 * max(distance(begin, anchor), options.min_step)
+    first = replace(options, first_step=min(options.first_step, 0.25 * limit))
+    found: list[Arc] = []
+    here = before = begin
+    try:
+        for point in follow(begin, first):
+            found.append(Arc(here, before, point))
+            before = point
+            if point.fold:
+                continue
+            if point.x.size == anchor.x.size and (
+                0 <= _projected(here, anchor, options) <= point.length - here.length
+            ):
+                break
+            if point.length > limit:
+                return []
+            here = point
+        else:
+            return []
+    except Stalled:
+        return []
+    # `anchor` lies on the last arcs: cut them there
+    end = at_distance(here, _projected(here, anchor, options), options)
+    if end is None or distance(end, anchor) > SAME * (1 + distance(begin, anchor)):
+        return []
+    kept = [arc for arc in found if arc.a.length < end.length]
+    kept[-1] = replace(kept[-1], b=replace(end, fold=False))
+    total = anchor.length + end.length
+
+    def renamed(point: Point) -> Point:
+        return replace(point, length=total - point.length)
+
+    return [Arc(*map(renamed, (arc.anchor, arc.b, arc.a))) for arc in reversed(kept)]
+
+
+def _projected(a: Point, b: Point, options: Options) -> float:
+    """Distance of b from a along the tangent at a."""
+    return float(slope_row(a, options) @ np.append(b.x - a.x, b.parameter - a.parameter))
+
+
+def distance(a: Point, b: Point) -> float:
+    """Distance of the states of two points in units of the finer one, mirror images told apart."""
+    finer = a if a.x.size >= b.x.size else b
+    first, second = (resampled(q.x, modes_of(q), modes_of(finer)) for q in (a, b))
+    return float(np.sqrt(np.sum(finer.system.weights * (first - second) ** 2)))
+
+
+def asymmetry(point: Point) -> Array:
+    """What distinguishes front and rear: the odd coefficients of c, scaled."""
+    n = modes_of(point)
+    c = split(point.x * np.sqrt(point.system.weights), n)[2]
+    odd = c[1::2]
+    return odd if np.abs(odd).max() > NOTHING * abs(c[0]) else np.zeros_like(odd)
+
+
+def _reversed(a: Array, b: Array) -> bool:
+    """Whether a deviation has passed through zero between two points, turning about."""
+    return _product(a, b) < -0.5 * float(np.linalg.norm(a) * np.linalg.norm(b)) < 0.0
+
+
+def _product(a: Array, b: Array) -> float:
+    n = min(a.size, b.size)
+    return float(a[:n] @ b[:n])
+
+
+def _padded(*series: Array) -> Array:
+    """Coefficients of several series interleaved, so that longer ones begin with shorter ones."""
+    n = max(s.size for s in series)
+    table = np.zeros((n, len(series)))
+    for k, s in enumerate(series):
+        table[: s.size, k] = s
+    return table.ravel()

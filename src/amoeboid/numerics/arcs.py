@@ -1,0 +1,241 @@
+"""The parts of a branch between neighboring points, and the solutions on them at a given value.
+
+Between neighbors, cut at its folds, the parameter is a monotone function of the distance along the
+tangent at the first of them. The distance at which it takes a value is found within a bracket: that
+works next to folds and bifurcations as well, where Newton's method at a fixed parameter may
+diverge or end at another solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from amoeboid.numerics.continuation import (
+    Options,
+    Point,
+    Stalled,
+    Unresolved,
+    at_distance,
+    at_parameter,
+    follow,
+    slope,
+    slope_row,
+)
+
+Array = NDArray[Any]
+
+MAX_EVALUATIONS = 80
+ROUNDING = float(np.finfo(float).eps)
+PRECISION = 1e-13
+"""Relative precision to which the parameter is met before Newton's method at that parameter."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arc:
+    """The branch from `a` to `b`, without a fold inside; distances are measured from `anchor`.
+
+    The length of points grows from a to b. An arc that was found from its far end has an anchor
+    beyond b; its points have the tangents that they were found with, against the way.
+    """
+
+    anchor: Point
+    a: Point
+    b: Point
+
+    def holds(self, value: float) -> bool:
+        """Whether the parameter takes the value on the arc, ends included."""
+        return (
+            min(self.a.parameter, self.b.parameter)
+            <= value
+            <= max(self.a.parameter, self.b.parameter)
+        )
+
+    @property
+    def backwards(self) -> bool:
+        """Whether the anchor lies beyond b."""
+        return self.anchor.length > self.a.length
+
+    def forwards(self, point: Point) -> Point:
+        """A point found on the arc, with its tangent on the way from a to b."""
+        if not self.backwards:
+            return point
+        return replace(
+            point, x_tangent=-point.x_tangent, parameter_tangent=-point.parameter_tangent
+        )
+
+    def from_anchor(self, point: Point) -> float:
+        """Distance of a point from the anchor."""
+        return abs(point.length - self.anchor.length)
+
+
+def arcs(start: Point, options: Options) -> Iterator[Arc]:
+    """The arcs of a branch from `start` on; ends and raises as `follow` does."""
+    anchor = before = start
+    for point in follow(start, options):
+        yield Arc(anchor, before, point)
+        before = point
+        if not point.fold:
+            anchor = point
+
+
+def at_value(arc: Arc, value: float, options: Options) -> Point | None:
+    """The point of an arc at which the parameter is `value`, on a system that resolves it.
+
+    None if the arc does not reach the value. Raises Stalled if the point cannot be found.
+    """
+    if not arc.holds(value):
+        return None
+    arc = _on_one_system(arc, options)
+    while True:
+        point = _bracketed(arc, value, options)
+        if point.system.resolved(point.x, np.array([value])):
+            return arc.forwards(point)
+        finer = arc.anchor.system.refined()
+        if finer is None:
+            raise Unresolved(point)
+        arc = _carried(arc, arc.anchor.x.size, options)
+
+
+def _on_one_system(arc: Arc, options: Options) -> Arc:
+    """The arc with all its points on the finest of their systems."""
+    size = max(q.x.size for q in (arc.anchor, arc.a, arc.b))
+    while min(q.x.size for q in (arc.anchor, arc.a, arc.b)) < size:
+        arc = _carried(arc, min(q.x.size for q in (arc.anchor, arc.a, arc.b)), options)
+    return arc
+
+
+def _carried(arc: Arc, size: int, options: Options) -> Arc:
+    """The arc with those of its points refined once that have `size` unknowns."""
+    anchor = finer(arc.anchor, options) if arc.anchor.x.size == size else arc.anchor
+    ends = [
+        anchor if q is arc.anchor else finer(q, options) if q.x.size == size else q
+        for q in (arc.a, arc.b)
+    ]
+    return Arc(anchor, *ends)
+
+
+def finer(point: Point, options: Options) -> Point:
+    """The point on the refined system. Raises Stalled if there is none."""
+    system = point.system.refined()
+    if system is None:
+        raise Stalled(f"no finer discretization at parameter = {point.parameter:.10g}")
+    carry = point.system.prolonged
+    moved = replace(point, system=system, x=carry(point.x), x_tangent=carry(point.x_tangent))
+    found = at_distance(moved, 0.0, options)
+    # where branches cross, Newton's method has no chance: the prolonged point is the solution
+    return moved if found is None else replace(found, fold=point.fold)
+
+
+def _bracketed(arc: Arc, value: float, options: Options) -> Point:
+    """The point at `value` by cubic interpolation in the distance, kept in its bracket."""
+    row = slope_row(arc.anchor, options)
+    low, high = arc.a, arc.b
+    tolerance = PRECISION * max(abs(arc.a.parameter), abs(arc.b.parameter))
+    widths: list[float] = []
+    for _ in range(MAX_EVALUATIONS):
+        for end in (low, high):
+            if abs(end.parameter - value) <= tolerance:
+                return _polished(end, value, low, high)
+        width = high.length - low.length
+        if width <= ROUNDING * max(arc.from_anchor(low), arc.from_anchor(high)):
+            break
+        slow = len(widths) >= 3 and width > 0.5 * widths[-3]
+        widths.append(width)
+        share = 0.5 if slow else _share(arc, low, high, value, row)
+        found = _between(arc, low, high, share, row, options)
+        if found is None and not slow:
+            found = _between(arc, low, high, 0.5, row, options)
+        if found is None:
+            break
+        if (found.parameter - value) * (low.parameter - value) > 0:
+            low = found
+        else:
+            high = found
+    point = _noisy(arc, low, high, value)
+    if point is None:
+        raise Stalled(f"the solution at parameter = {value:.10g} was not found on its branch")
+    return point
+
+
+def _noisy(arc: Arc, low: Point, high: Point, value: float) -> Point | None:
+    """The point between two that are so close that rounding hides on which side the value lies.
+
+    Newton's method at the value, if it stays between the ends of the arc; None otherwise.
+    """
+    step = high.parameter - low.parameter
+    share = float(np.clip((value - low.parameter) / step, 0.0, 1.0)) if step != 0 else 0.5
+    between = low.x + share * (high.x - low.x)
+    x = at_parameter(low.system, between, value)
+    if x is None:
+        return None
+    nearest = min(_norm(low, between - end.x) for end in (arc.a, arc.b))
+    if _norm(low, x - between) > 0.2 * nearest:
+        return None
+    return replace(low, x=x, parameter=value, fold=False)
+
+
+def _width(arc: Arc, low: Point, high: Point) -> float:
+    """Distance from low to high along the tangent at the anchor, negative on the way back."""
+    return arc.from_anchor(high) - arc.from_anchor(low)
+
+
+def _hermite(f: Any, df: Any, g: Any, dg: Any, t: float) -> Any:
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * f
+        + t * (1 - t) ** 2 * df
+        + t * t * (3 - 2 * t) * g
+        - t * t * (1 - t) * dg
+    )
+
+
+def _share(arc: Arc, low: Point, high: Point, value: float, row: Array) -> float:
+    """Where between the ends the interpolating cubic takes the value."""
+    width = _width(arc, low, high)
+    slopes = [slope(q, row) * width for q in (low, high)]
+    data = low.parameter, slopes[0], high.parameter, slopes[1]
+    if not np.all(np.isfinite(data)):
+        return 0.5
+    share = brentq(lambda t: _hermite(*data, t) - value, 0.0, 1.0, xtol=1e-16, rtol=1e-14)
+    return float(np.clip(share, 1e-9, 1 - 1e-9))
+
+
+def _between(
+    arc: Arc, low: Point, high: Point, share: float, row: Array, options: Options
+) -> Point | None:
+    """The point of the branch at a share of the distance between two others; None if it fails."""
+    width = _width(arc, low, high)
+
+    def tangent(q: Point) -> Array:
+        full = np.append(q.x_tangent, q.parameter_tangent)
+        return full * (width / (row @ full))
+
+    ends = [np.append(q.x, q.parameter) for q in (low, high)]
+    guess = _hermite(ends[0], tangent(low), ends[1], tangent(high), share)
+    away = arc.from_anchor(low) + share * width
+    found = at_distance(arc.anchor, away, options, guess)
+    if found is None:
+        return None
+    scale = options.parameter_scale
+    moved = _norm(low, found.x - guess[:-1]) + abs(found.parameter - guess[-1]) / scale
+    chord = _norm(low, high.x - low.x) + abs(high.parameter - low.parameter) / scale
+    if moved > chord:
+        return None
+    return replace(found, length=low.length + share * (high.length - low.length))
+
+
+def _polished(point: Point, value: float, low: Point, high: Point) -> Point:
+    """The point exactly at the value, where Newton's method at a fixed parameter keeps to it."""
+    x = at_parameter(point.system, point.x, value)
+    if x is not None and _norm(point, x - point.x) <= 1e-3 * _norm(point, high.x - low.x):
+        return replace(point, x=x, parameter=value, fold=False)
+    return replace(point, parameter=value, fold=False)
+
+
+def _norm(point: Point, x: Array) -> float:
+    return float(np.sqrt(np.sum(point.system.weights * x**2)))
