@@ -81,5 +81,5 @@ def test_eigenvectors_that_agree_have_no_finite_condition():
     shift = np.eye(3, k=-1)
     found = list(ritz_values(lambda x: shift @ x, np.array([1.0, 0.0, 0.0])))
     assert len(found) == 3
-    assert found[0][2] == 1.0
-    assert np.all(np.array(found[-1][2]) > 1e10)
+    assert found[0].conditions == 1.0
+    assert np.all(np.array(found[-1].conditions) > 1e10)
