@@ -18,7 +18,8 @@ def not_normal(n=60):
 def test_outlying_eigenvalues_are_found_first():
     A = not_normal()
     start = np.random.default_rng(1).standard_normal(len(A))
-    for count, (values, residuals, _) in enumerate(ritz_values(lambda x: A @ x, start)):
+    for count, found in enumerate(ritz_values(lambda x: A @ x, start)):
+        values, residuals = found.values, found.residuals
         first = np.argsort(-np.abs(values))[:3]
         if count == 19:
             assert residuals[first[0]] < 1e-6
@@ -37,10 +38,13 @@ def test_residuals_are_those_of_the_approximate_vectors():
         kept.append(x)
         return A @ x
 
-    values, residuals, _ = next(v for k, v in enumerate(ritz_values(image, start)) if k == 6)
+    found = next(v for k, v in enumerate(ritz_values(image, start)) if k == 6)
+    values, residuals = found.values, found.residuals
     basis = np.stack(kept, axis=1)
     small, vectors = np.linalg.eig(basis.T @ A @ basis)
-    for value, residual in zip(values, residuals, strict=True):
+    for i, (value, residual) in enumerate(zip(values, residuals, strict=True)):
+        own = found.vector(i)
+        assert np.linalg.norm(A @ own - value * own) == pytest.approx(residual, rel=1e-6)
         k = np.argmin(np.abs(small - value))
         x = basis @ vectors[:, k]
         assert np.linalg.norm(A @ x - value * x) == pytest.approx(residual, rel=1e-6)
@@ -49,7 +53,8 @@ def test_residuals_are_those_of_the_approximate_vectors():
 def test_condition_numbers_tell_how_errors_of_the_map_change_eigenvalues():
     """To first order the most that an error of a given norm can do; 1 for a symmetric map."""
     A, start = not_normal(), np.random.default_rng(1).standard_normal(60)
-    *_, (values, _, conditions) = ritz_values(lambda x: A @ x, start)
+    *_, found = ritz_values(lambda x: A @ x, start)
+    values, conditions = found.values, found.conditions
     first = int(np.argmax(np.abs(values)))
     _, vectors = np.linalg.eig(A)
     left = np.linalg.inv(vectors)
@@ -61,20 +66,20 @@ def test_condition_numbers_tell_how_errors_of_the_map_change_eigenvalues():
     assert changed == pytest.approx(1e-6 * conditions[first], rel=1e-3)
 
     symmetric = A + A.T
-    *_, (_, _, conditions) = ritz_values(lambda x: symmetric @ x, start)
-    np.testing.assert_allclose(conditions, 1.0, rtol=1e-6)
+    *_, found = ritz_values(lambda x: symmetric @ x, start)
+    np.testing.assert_allclose(found.conditions, 1.0, rtol=1e-6)
 
 
 def test_it_ends_when_the_space_is_exhausted():
     A = np.diag([3.0, 2.0, 1.0, 1.0])
     found = list(ritz_values(lambda x: A @ x, np.ones(4)))
     assert len(found) == 3
-    np.testing.assert_allclose(np.sort(found[-1][0].real), [1.0, 2.0, 3.0], rtol=1e-12)
+    np.testing.assert_allclose(np.sort(found[-1].values.real), [1.0, 2.0, 3.0], rtol=1e-12)
 
 
 def test_eigenvectors_that_agree_have_no_finite_condition():
     shift = np.eye(3, k=-1)
     found = list(ritz_values(lambda x: shift @ x, np.array([1.0, 0.0, 0.0])))
     assert len(found) == 3
-    assert found[0][2] == 1.0
-    assert np.all(np.array(found[-1][2]) > 1e10)
+    assert found[0].conditions == 1.0
+    assert np.all(np.array(found[-1].conditions) > 1e10)

@@ -106,6 +106,8 @@ def _with_steps(
     wanted, sharpest = settled * model.rate, min(SHARPEST, settled) * model.rate
     best = Growth(None, problem="no disturbance was found that decays slowly enough to be seen")
     for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
+        if count > MAX_APPLICATIONS:
+            break
         seen = np.flatnonzero(np.abs(found.values) > LEAST_FACTOR)
         if count < MIN_APPLICATIONS or not len(seen):
             continue
@@ -120,10 +122,12 @@ def _with_steps(
         if left < wanted:
             tested = restricted.residual(found.vector(int(seen[first])), mu[first])
             error = max(left, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
+        if not np.isfinite(error):
+            continue
         best = Growth(rate, float(error))
         found_out = error < wanted and (abs(rate) > error or error < sharpest)
         # or it does not become less by further applications
-        if found_out or (left < wanted and left < LITTLE * error) or count >= MAX_APPLICATIONS:
+        if found_out or (left < wanted and left < LITTLE * error):
             break
     return best
 
