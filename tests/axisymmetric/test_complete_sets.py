@@ -294,7 +294,6 @@ def test_the_maximum_of_a_state_with_filaments_at_the_equator_is_its_c_rear():
     assert c[0] == pytest.approx(c[-1], rel=1e-9)
     assert [state.c_front, state.c_rear] == pytest.approx([c.min(), c.max()], rel=1e-7)
     assert state.c_rear > 2 * state.c_front
-    assert max(c[0], c.min()) < 0.9 * c.max() or min(c[0], c.max()) > 1.1 * c.min()
     polarized = steady_states(Parameters(D=0.4, v_p0=6.0), (1,))[-1]
     poles = polarized.concentration(np.array([0.0, np.pi]))
     assert sorted(poles) == pytest.approx([polarized.c_front, polarized.c_rear], rel=1e-12)
