@@ -32,7 +32,7 @@ from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.surface.geometry import Geometry, geometry, volume_centroid, weighted_area_gradient
 from amoeboid.surface.harmonics import real_harmonic
 from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.rigid import changes, gradient, rotations, translations
+from amoeboid.surface.rigid import changes, gradient, rotations, translations, turned
 from amoeboid.surface.stepping import SHARE_OF_TOLERANCE, StepFailed, semi_implicit_step
 from amoeboid.validation import InvalidInput
 
@@ -123,14 +123,21 @@ def linearized_step(
     """
     p = model.parameters
     scale = p.c0 + state.c
-    undisturbed, *_ = semi_implicit_step(model, (state,), dt, flow, tolerance)
+
+    def after(disturbed: State) -> State:
+        # in the axes of the nodes, which turn with the cell: rotations are left out in any case
+        new, flow_then, _ = semi_implicit_step(model, (disturbed,), dt, flow, tolerance)
+        center = volume_centroid(new.r, model.mesh.faces)
+        return replace(new, r=center + turned(new.r - center, flow_then.turning, -dt))
+
+    undisturbed = after(state)
 
     def image(y: Array) -> Array:
         amplitude = AMPLITUDE / np.abs(y).max()
         c, h = np.split(amplitude * y, 2)
         r = state.r + p.R0 * h[:, None] * g.normals
         disturbed = replace(state, r=r, c=state.c + scale * c)
-        new, *_ = semi_implicit_step(model, (disturbed,), dt, flow, tolerance)
+        new = after(disturbed)
         moved = new.r - undisturbed.r
         along = np.einsum("vi,vi->v", moved, g.normals)
         aside = moved - along[:, None] * g.normals
