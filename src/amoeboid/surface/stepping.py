@@ -114,13 +114,14 @@ def semi_implicit_step(
             break
         if first:
             # now that the flow is known the nodes turn as fast as the cell, to the same axes
-            found = turning_rate(model, r, c, before_move, v + whole)
-            if np.linalg.norm(found - turns) * dt > SAME_ANGLE:
+            first, found = False, turning_rate(model, r, c, before_move, v + whole)
+            angle = float(np.linalg.norm(found - turns)) * dt
+            if angle > SAME_ANGLE:
                 passes.clear()
-            turns, first = found, False
-            v_c = flow.v_c - spin(turns, r - area_centroid(r, before_move))
-            past = _past(model, history, turns, t)
-            r_known = past.known[0].r
+            if angle > ROUNDING:
+                turns, past = found, _past(model, history, found, t)
+                r_known = past.known[0].r
+                v_c = flow.v_c - spin(turns, r - area_centroid(r, before_move))
         r, c = r_new, c_new
         if len(passes) > 1:
             further = overshoot(*passes[-2:])
