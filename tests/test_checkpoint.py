@@ -101,11 +101,14 @@ FLOAT_NAMES = (
     "history_c",
     "history_scalars",
     "history_position",
+    "history_turning",
     "flow_vectors",
     "flow_areas",
     "flow_zeta0",
 )
-OTHER_NAMES = ("config", "step", "rest_known", "rest_problem", "faces", "tried_known")
+OTHER_NAMES = (
+    "config", "step", "rest_known", "rest_problem", "faces", "tried_known", "history_turning_known",
+)  # fmt: skip
 LAYOUT = [
     (name, change)
     for name in (*OTHER_NAMES, *FLOAT_NAMES)

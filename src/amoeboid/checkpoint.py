@@ -45,10 +45,11 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "history_c": (np.float64, ("states", "nodes")),
     "history_scalars": (np.float64, ("states", 2)),
     "history_position": (np.float64, ("states", 3)),
+    "history_turning_known": (np.bool_, ("states",)),
+    "history_turning": (np.float64, ("states", 3)),
     "flow_vectors": (np.float64, (3, "nodes", 3)),
     "flow_areas": (np.float64, ("nodes",)),
     "flow_zeta0": (np.float64, ()),
-    "flow_turning": (np.float64, (3,)),
 }
 
 
@@ -85,10 +86,13 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "history_c": np.stack([s.c for s in step.history]),
         "history_scalars": np.array([(s.t, s.zeta0) for s in step.history]),
         "history_position": np.stack([s.position for s in step.history]),
+        "history_turning_known": np.array([s.turning is not None for s in step.history]),
+        "history_turning": np.stack(
+            [np.zeros(3) if s.turning is None else s.turning for s in step.history]
+        ),
         "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
         "flow_areas": step.flow.node_areas,
         "flow_zeta0": np.array(step.flow.zeta0),
-        "flow_turning": step.flow.turning,
     }
     with path.open("wb") as file:
         np.savez(file, allow_pickle=False, **arrays)
@@ -201,7 +205,8 @@ def _mesh(faces: Index, n_nodes: int) -> Connectivity:
 
 
 def _history(arrays: dict[str, Array]) -> tuple[State, ...]:
-    r, c, position = (arrays[f"history_{name}"] for name in ("r", "c", "position"))
+    names = ("r", "c", "position", "turning")
+    r, c, position, turning = (arrays[f"history_{name}"] for name in names)
     times, tensions = arrays["history_scalars"].T
     _require(len(times) <= KEPT, f"at most {KEPT} states are kept", len(times))
     _require(times[-1] >= 0, "times must be >= 0", times[-1])
@@ -209,7 +214,15 @@ def _history(arrays: dict[str, Array]) -> tuple[State, ...]:
     _require(least > 0, "the times of the states must be in order", f"a step of {least:g}")
     _require(c.min() >= 0, "concentrations must be >= 0", c.min())
     return tuple(
-        State(float(times[k]), r[k], c[k], float(tensions[k]), position[k]) for k in range(len(r))
+        State(
+            float(times[k]),
+            r[k],
+            c[k],
+            float(tensions[k]),
+            position[k],
+            turning[k] if arrays["history_turning_known"][k] else None,
+        )
+        for k in range(len(r))
     )
 
 
@@ -217,8 +230,7 @@ def _flow(arrays: dict[str, Array]) -> Flow:
     v_c, v_p, normals = arrays["flow_vectors"]
     areas = arrays["flow_areas"]
     _require(areas.min() > 0, "areas of nodes must be > 0", areas.min())
-    tension, turning = float(arrays["flow_zeta0"]), arrays["flow_turning"]
-    return Flow(v_c, v_p, tension, normals, areas, turning)
+    return Flow(v_c, v_p, float(arrays["flow_zeta0"]), normals, areas)
 
 
 def _check_shape(model: Model, history: tuple[State, ...]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -85,6 +85,8 @@ class State:
 
     The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has come
     if all drag is on the cortex, uniformly: in the frame where the mean cortex velocity vanishes.
+    `turning` (3,) [1/T]: the rate at which shape and concentration turn, in axes that do not; None
+    where no step on this mesh has led here.
     """
 
     t: float
@@ -92,6 +94,7 @@ class State:
     c: Array
     zeta0: float
     position: Array
+    turning: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +102,7 @@ class Flow:
     """Velocities at the nodes (V, 3) in the frame of the nodes, and the tension with them.
 
     v_c cortex velocity, v_p polymerization velocity; v = v_c + v_p moves the shape. `normals`
-    (V, 3) outward, `node_areas` (V,) their share of the area. `turning` (3,) [1/T]: the rate at
-    which the cell turns, and the nodes with it, in axes that do not.
+    (V, 3) outward, `node_areas` (V,) their share of the area.
     """
 
     v_c: Array
@@ -108,7 +110,6 @@ class Flow:
     zeta0: float
     normals: Array
     node_areas: Array
-    turning: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def v(self) -> Array:

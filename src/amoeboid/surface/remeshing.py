@@ -171,4 +171,4 @@ def carried(state: State, faces: Index, change: Change) -> State:
     held = np.bincount(old[old >= 0], (m * state.c)[old >= 0], count)
     found = np.bincount(new[new >= 0], (after * c)[new >= 0], count)
     ratio = np.divide(held, found, out=np.ones(count), where=found > 0)
-    return replace(state, r=r, c=np.where(new >= 0, ratio[new] * c, c))
+    return replace(state, r=r, c=np.where(new >= 0, ratio[new] * c, c), turning=None)

@@ -52,8 +52,6 @@ CONVERGED = 0.1
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
 MOST_PASSES = 15
-# Angle up to which a change of the axes that the nodes turn with makes no difference to the passes.
-SAME_ANGLE = 1e-6
 # So many passes are made with one factorization; every later one has its own, where the shape is.
 PATIENCE = 6
 # Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
@@ -81,7 +79,7 @@ def semi_implicit_step(
     the passes may take a small share of it. Raises StepFailed, SingularMatrix.
     """
     t = history[0].t + dt
-    turns = np.zeros(3) if before is None else before.turning
+    turns = _turning_foreseen(model, history, t, before)
     past = _past(model, history, turns, t)
     now, r_ahead, c_ahead = history[0], past.ahead.r, np.maximum(past.ahead.c, 0.0)
     r_known, implicit = past.known[0].r, past.known[0].dt
@@ -95,7 +93,6 @@ def semi_implicit_step(
     r_before, c_before = r, c
     x = scaled.unknowns(r, c)
     passes: list[Pass] = []
-    first = True
     while True:
         if len(passes) >= PATIENCE:
             near = cortex(model, r, g, implicit, zeta0, v_c)
@@ -104,24 +101,14 @@ def semi_implicit_step(
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
         v_c, whole = v - solution.v_p, spin(turns, r - area_centroid(r, g))
-        flow = Flow(v_c + whole, solution.v_p, zeta0, g.normals, g.node_areas, turns)
-        before_move, g = g, geometry(r_new, model.mesh.faces)
+        flow = Flow(v_c + whole, solution.v_p, zeta0, g.normals, g.node_areas)
+        g = geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, past.known, r_new, g, v, c)
         passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
         of_order = past.expected if order == len(past.states) else past.ahead
         error = local_error(model, of_order, (r_new, c_new), flow.normals)
         if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
-        if first:
-            # now that the flow is known the nodes turn as fast as the cell, to the same axes
-            first, found = False, turning_rate(model, r, c, before_move, v + whole)
-            angle = float(np.linalg.norm(found - turns)) * dt
-            if angle > SAME_ANGLE:
-                passes.clear()
-            if angle > ROUNDING:
-                turns, past = found, _past(model, history, found, t)
-                r_known = past.known[0].r
-                v_c = flow.v_c - spin(turns, r - area_centroid(r, before_move))
         r, c = r_new, c_new
         if len(passes) > 1:
             further = overshoot(*passes[-2:])
@@ -129,7 +116,9 @@ def semi_implicit_step(
             c = np.maximum(c_new + further * (c_new - c_before), 0.0)
             g = geometry(r, model.mesh.faces)
         x, r_before, c_before = scaled.unknowns(r, c), r_new, c_new
-    new = State(t, r_new, c_new, zeta0, _position(model, past.states, t, r_new, flow))
+    position = _position(model, past.states, t, r_new, flow)
+    turning = turning_rate(model, r_new, c_new, g, flow.v)
+    new = State(t, r_new, c_new, zeta0, position, turning)
     check_step(model, past.states[0], new)
     return new, flow, error
 
@@ -146,6 +135,7 @@ def starting_step(
     Two implicit Euler steps of half the length; how far one of the whole length ends from there is
     their error. Damps what a new mesh has put out of balance, which no past could foresee.
     """
+    now = replace(now, turning=_turning_foreseen(model, (now,), now.t + dt, before))
     whole, _, _ = semi_implicit_step(model, (now,), dt, before, tolerance)
     half, flow, _ = semi_implicit_step(model, (now,), 0.5 * dt, before, tolerance)
     new, flow, _ = semi_implicit_step(model, (half,), 0.5 * dt, flow, tolerance)
@@ -203,6 +193,24 @@ class _Past:
     ahead: Foreseen
     expected: Foreseen
     known: list[_Known]
+
+
+def _turning_foreseen(
+    model: Model, history: Sequence[State], t: float, before: Flow | None
+) -> Array:
+    """The rate (3,) at which nodes turn in a step to time t: as fast as the cell, from the past.
+
+    Any rate makes a consistent step: the equations are the same in all axes. This one changes
+    smoothly from step to step, and leaves a cell that only turns at rest on its nodes. Where none
+    is known a first step with resting nodes tells.
+    """
+    known = [s for s in history[:2] if s.turning is not None]
+    if not known:
+        now = replace(history[0], turning=np.zeros(3))
+        known = [semi_implicit_step(model, (now,), t - now.t, before)[0]]
+    return extrapolated(
+        [s.t for s in known], [s.turning for s in known if s.turning is not None], t
+    )
 
 
 def _past(model: Model, history: Sequence[State], turning: Array, t: float) -> _Past:
