@@ -7,7 +7,8 @@ x = T x + S y, from disturbances y before the step. The passes themselves need n
 (1 - T) x = S y is solved as what it is, a linear equation.
 
 A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the
-surface are none, so that the many slow modes of the mesh play no part.
+surface are none, so that the many slow modes of the mesh play no part. Nodes turn with the cell, as
+they do in a run: a mesh at rest would hold or drive a cell that is about to turn.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import cortex, force_balance
 from amoeboid.surface.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
 from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.rigid import turning_rate
 from amoeboid.surface.transport import exchanged, implicit_matrix
 
 Array = NDArray[np.float64]
@@ -49,6 +51,9 @@ class LinearizedStep:
         self._by_tension = np.einsum("vi,vi->v", self._near.slope, self.g.normals)
         rest = np.zeros(len(state.c))
         v, _, _ = self._velocity(rest, rest, rest)
+        # what the velocity is less in axes that turn, by unit rates around three axes (3, V, 3)
+        self._turns = [self._velocity(rest, rest, rest, axis)[0] - v for axis in np.eye(3)]
+        self._turning = turning_rate(model, state.r, state.c, self.g, v)
         self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
         u = v - normal_part(v, self.g.normals)
         beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, (len(rest), 4))
@@ -81,6 +86,9 @@ class LinearizedStep:
         (c_x, h_x), (c_y, h_y) = np.split(amplitude * x, 2), np.split(amplitude * y, 2)
         p, dt, area = self.model.parameters, self.dt, self._area_gradient
         v, c, g = self._velocity(c_x, h_x, h_y)
+        # nodes turn with the cell
+        turning = turning_rate(self.model, self._moved(h_x), c, g, v) - self._turning
+        v = v + np.tensordot(turning, self._turns, 1)
         h = h_y + dt / p.R0 * (np.einsum("vi,vi->v", v, g.normals) - self._v_n)
         # the tension that keeps the area
         zeta0 = -(area @ h) / (area @ self._by_tension) * p.R0 / dt
@@ -93,14 +101,19 @@ class LinearizedStep:
         more = self._transported(numbers + dt * gain)
         return np.concatenate([c_x + more / self._scale, h]) / amplitude
 
-    def _velocity(self, c_x: Array, h_x: Array, h_y: Array) -> tuple[Array, Array, Geometry]:
+    def _velocity(
+        self, c_x: Array, h_x: Array, h_y: Array, turning: Array | None = None
+    ) -> tuple[Array, Array, Geometry]:
         """Velocity (V, 3), c (V,) and geometry, disturbed by x, with tension of the state.
 
-        Implicit tension acts on what the step moves the shape beyond x.
+        Implicit tension acts on what the step moves the shape beyond x. The velocity is that in
+        axes that turn at the rate `turning` (3,) [1/T], or do not.
         """
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
-        solution = force_balance(self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c)
+        solution = force_balance(
+            self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c, turning
+        )
         return solution.v(self._zeta0), c, g
 
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
