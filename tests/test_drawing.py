@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib
 import pytest
 
-from amoeboid.axisymmetric.branches import search
+from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
 from amoeboid.parameters import Parameters
@@ -102,7 +102,7 @@ def user_settings():
     "suffix", [".svg", *(pytest.param(x, marks=pytest.mark.slow) for x in (".png", ".pdf"))]
 )
 def test_figures_do_not_depend_on_the_settings_of_the_user(suffix, tmp_path):
-    states = [(s, True) for s in search(Parameters(), (1,)).states]
+    states = [(s, True) for s in steady_states(Parameters(), (1,)).states]
     way = [[0.1 * k, 0.2 * k, 0.001 * k * k] for k in range(40)]
     files = [tmp_path / f"{k}{suffix}" for k in range(4)]
     draw_states(states, files[0])

@@ -12,8 +12,9 @@ from amoeboid.observables import filament_number, retrograde_flow
 from amoeboid.parameters import Parameters
 from amoeboid.simulation import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.geometry import area, node_areas
-from amoeboid.surface.stability import Growth
+from amoeboid.surface.geometry import area, geometry, node_areas, volume_centroid
+from amoeboid.surface.rigid import spin, turning_rate
+from amoeboid.surface.stability import Growth, leading_growth_rate
 from amoeboid.surface.stepping import (
     difference,
     foreseen,
@@ -71,24 +72,29 @@ def test_a_tiny_growing_polarization_is_not_mistaken_for_a_steady_state():
     assert steps[-1].state.c.max() > 5
 
 
-def test_only_little_beside_turning_counts_as_none(monkeypatch):
-    """A cell that turns may also change by a few times STEADY; more, or growth, shows."""
-    first = start(QUICK)
-    model, n = first.model, first.model.mesh.n_nodes
-    turning, found = np.full(2 * n, 90.0 * simulation.STEADY * model.rate), []
-    flow = replace(first.flow, v_c=-first.flow.v_p)
-    for beside in (1.0, 3.0, 4.5, 6.0, 9.0):
-        change = turning[:n] + beside * simulation.STEADY * model.rate
-        monkeypatch.setattr(
-            simulation, "rate_of_change", lambda m, c, g, v, x=change: 1.0 * x * c.max()
-        )
-        part = np.concatenate([turning[:n], np.zeros(n)])
-        monkeypatch.setattr(simulation, "_turning", lambda *_, x=part: x)
-        state = replace(first.state, c=np.full(n, model.parameters.c0))
-        found.append(simulation._rate(model, state, flow)[0] / simulation.STEADY)
-    assert found == sorted(found)
-    assert found[2] < 1.0 < found[3]
-    assert found[0] < 0.5 * found[1]
+def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
+    """A resting cell seen from axes that turn, slowly and less slowly, and with a change beside."""
+    config = replace(QUICK, parameters=Parameters(D=0.4, v_p0=6.0), time=Time(end=60.0))
+    _, steps = steps_of(config)
+    last = steps[-1]
+    assert last.ended == "steady"
+    model, state = last.model, last.state
+    g = geometry(state.r, model.mesh.faces)
+    x = state.r - volume_centroid(state.r, model.mesh.faces)
+
+    def rate_of(turns, beside=0.0, known=True):
+        v_c = last.flow.v_c + spin(np.array([turns, 0.0, 0.0]) * model.rate, x)
+        v_c = v_c + beside * model.rate * x * x[:, :1] ** 2
+        flow = replace(last.flow, v_c=v_c)
+        found = turning_rate(model, state.r, state.c, g, flow.v) if known else np.zeros(3)
+        rate, _ = simulation._rate(model, replace(state, turning=found), flow)
+        return rate / simulation.STEADY
+
+    slow = 0.5 * simulation.SLOW_TURNING
+    assert rate_of(slow) < 10.0
+    assert rate_of(slow, known=False) > 100.0
+    assert rate_of(2.0 * simulation.SLOW_TURNING) > 100.0
+    assert rate_of(slow, beside=1e-3) > 0.5 * rate_of(0.0, beside=1e-3) > 20.0
 
 
 def test_error_control_follows_the_tolerance():
@@ -474,9 +480,12 @@ def test_a_fast_unstable_cell_is_not_steady():
         time=Time(end=50.0),
     )
     _, steps = steps_of(config)
-    assert 0.3 < max(step.growth or 0.0 for step in steps) < 0.9
     assert not any(step.steady for step in steps)
     assert steps[-1].rate > 1e-2
+    still = min(steps, key=lambda step: step.rate)
+    growth = leading_growth_rate(still.model, still.state, still.flow)
+    assert 0.3 < growth.rate < 0.9
+    assert growth.error < 0.1
 
 
 def test_a_sphere_exactly_at_rest_above_its_threshold_is_not_steady():

@@ -83,7 +83,7 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
             written.append(text), label(plotter, place, text, color))[1]
     )  # fmt: skip
     plotter = pv.Plotter(off_screen=True)
-    cell_process._add_cell(plotter, {k: np.asarray(v) for k, v in cell._scene(last).items()})
+    cell_process._add_cell(plotter, {k: np.asarray(v) for k, v in cell.scene(last).items()})
     written.extend(plotter.scalar_bars.keys())
     written.extend(a.GetInput() for a in plotter.actors.values() if hasattr(a, "GetInput")
                    and isinstance(a.GetInput(), str))  # fmt: skip

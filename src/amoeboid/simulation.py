@@ -16,11 +16,11 @@ from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.multistep import extrapolated
 from amoeboid.surface.explicit import explicit_step
-from amoeboid.surface.geometry import Geometry, area, geometry, node_areas, volume_centroid
+from amoeboid.surface.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import due, remeshed
-from amoeboid.surface.rigid import changes, gradient, rotations
+from amoeboid.surface.rigid import spin
 from amoeboid.surface.stability import SETTLED, Growth, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
@@ -33,7 +33,7 @@ from amoeboid.validation import InvalidInput
 
 Array = NDArray[np.float64]
 
-# Relative change within 1 / model.rate that counts as none, slow turning left out.
+# Relative change within 1/model.rate that counts as none, slow turning of the cell left out.
 STEADY = 1e-5
 # Growth rate of disturbances, in units of model.rate, above which a state is unstable: the error
 # that it is found with. Slower growth makes little of a disturbance in a run of the default length.
@@ -43,10 +43,9 @@ CHANGED = 3.0
 # An instability that has not shown after so many times the inverse of its growth rate is none of
 # the run: of what the mesh does not resolve, or so fast an oscillation that its steps damp it.
 PATIENCE = 20.0
-# Share of that turning which its gradients on a coarse mesh cannot tell from other changes.
-TURNING_ERROR = 0.1
-# More than so many times STEADY are a change that is none of turning.
-MOST_UNCLEAR = 4.0
+# Slower turning, in units of model.rate, is left out of what changes: no force holds the axis of a
+# straight cell, and a mesh turns it a little.
+SLOW_TURNING = 0.02
 # Length of the start on a new mesh as a share of the step before it, which was of higher order.
 START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
@@ -361,28 +360,19 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     p = model.parameters
     g = geometry(state.r, model.mesh.faces)
     c_scale = max(p.c0, np.abs(state.c).max())
-    c_rate = rate_of_change(model, state.c, g, flow.v) / c_scale
-    r_rate = np.einsum("vi,vi->v", flow.v, flow.normals) / p.R0
-    rate = float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-    if STEADY <= rate < 100.0 * STEADY:
-        change = np.concatenate([c_rate, r_rate])
-        turning = _turning(model, x, g, state.c / c_scale, change)
-        still = float(np.abs(change - turning).max() / model.rate)
-        unclear = TURNING_ERROR * float(np.abs(turning).max() / model.rate)
-        # in proportion to what is no turning, so that a growth of it still shows
-        rate = min(rate, still / (1.0 + min(unclear / STEADY, MOST_UNCLEAR)))
+
+    def changing(v: Array) -> float:
+        c_rate = rate_of_change(model, state.c, g, v) / c_scale
+        r_rate = np.einsum("vi,vi->v", v, flow.normals) / p.R0
+        return float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
+
+    rate = changing(flow.v)
+    turning = np.full(3, np.inf) if state.turning is None else state.turning
+    if rate >= STEADY and np.linalg.norm(turning) < SLOW_TURNING * model.rate:
+        # what changes in axes that turn with the cell, where a cell that only turns is at rest
+        rate = min(rate, changing(flow.v - spin(turning, x)))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate
     return rate, bool(rate < STEADY and not (growth > 0 and rate > 0.1 * growth))
-
-
-def _turning(model: Model, x: Array, g: Geometry, c: Array, change: Array) -> Array:
-    """The part of `change` (2V,), of c and of r.n/R0, that a rotation of the whole cell makes.
-
-    No force holds the axis of a cell; a mesh turns it slowly.
-    """
-    slope = gradient(c, g, model.mesh)
-    basis = changes(rotations(x), slope, g.normals, model.parameters.R0)
-    return np.asarray(basis @ np.linalg.lstsq(basis, change, rcond=1e-6)[0])

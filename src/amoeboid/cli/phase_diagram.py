@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "alpha")
 LARGEST_GRID = 500
+D_WINDOW, V_WINDOW = (0.03, 0.6), (3.0, 8.0)  # for the paper's table
 GAP = 2  # blanks between the speeds and the map
 
 
@@ -28,16 +29,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_parameters(parser)
     parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
     parser.add_argument(
-        "--from", dest="low", type=real, default=0.03, metavar="VALUE", help="its lowest (0.03)"
+        "--from", dest="low", type=real, metavar="VALUE", help="its lowest (D: 0.03 beta R0^2)"
     )
     parser.add_argument(
-        "--to", dest="high", type=real, default=0.6, metavar="VALUE", help="its highest (0.6)"
+        "--to", dest="high", type=real, metavar="VALUE", help="its highest (D: 0.6 beta R0^2)"
     )
     parser.add_argument(
-        "--speed-from", type=real, default=3.0, metavar="VALUE", help="lowest v_p0 (3)"
+        "--speed-from",
+        type=real,
+        metavar="VALUE",
+        help="lowest v_p0 (3 in the units of the paper's table, elsewhere as far below threshold)",
     )
     parser.add_argument(
-        "--speed-to", type=real, default=8.0, metavar="VALUE", help="highest v_p0 (8)"
+        "--speed-to",
+        type=real,
+        metavar="VALUE",
+        help="highest v_p0 (8 in the units of the paper's table, elsewhere as far above threshold)",
     )
     parser.add_argument("--columns", type=whole, default=40, metavar="N", help="values of it (40)")
     parser.add_argument("--rows", type=whole, default=40, metavar="N", help="values of v_p0 (40)")
@@ -52,6 +59,9 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
 
     p = only_parameters(args)
+    if args.vary not in VARIABLE:
+        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {args.vary!r}")
+    (args.low, args.high), (args.speed_from, args.speed_to) = windows(args, p)
     _check(args, p)
     check_picture(args.plot)
     values = np.linspace(args.low, args.high, args.columns)
@@ -81,9 +91,37 @@ def execute(args: argparse.Namespace) -> int:
     return 0 if succeeded else NO_PICTURE
 
 
+def windows(args: argparse.Namespace, p: Parameters) -> tuple[list[float], list[float]]:
+    """Lowest and highest value of the other parameter, and of v_p0.
+
+    What is not given is that of the paper's table in units of this cell: D in beta R0^2, v_p0 in
+    proportion to its threshold. Raises InvalidInput where there is no such unit.
+    """
+    from amoeboid.parameters import Parameters
+    from amoeboid.theory.linear import critical_speed
+
+    wanted = [args.low, args.high]
+    if None in wanted:
+        unit = p.beta * p.R0**2
+        if args.vary != "D" or unit == 0:
+            raise InvalidInput(
+                f"--from and --to must be given for {args.vary} (beta = {p.beta:g}): there is no "
+                "window to start from"
+            )
+        wanted = [k * unit if v is None else v for k, v in zip(D_WINDOW, wanted, strict=True)]
+    speeds = [args.speed_from, args.speed_to]
+    if None in speeds:
+        try:
+            here = float(critical_speed(p.replace(**{args.vary: wanted[0]})))
+        except InvalidInput as problem:
+            raise InvalidInput(f"--speed-from and --speed-to must be given: {problem}") from None
+        table = Parameters(D=D_WINDOW[0])
+        unit = here / float(critical_speed(table))
+        speeds = [k * unit if v is None else v for k, v in zip(V_WINDOW, speeds, strict=True)]
+    return wanted, speeds
+
+
 def _check(args: argparse.Namespace, p: Parameters) -> None:
-    if args.vary not in VARIABLE:
-        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {args.vary!r}")
     ends = (
         ("--from", args.vary, args.low),
         ("--to", args.vary, args.high),

@@ -22,7 +22,6 @@ from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.geometry import (
     Geometry,
     area_along,
-    area_centroid,
     face_vectors,
     geometry,
     mesh_quality,
@@ -100,7 +99,8 @@ def semi_implicit_step(
         start = r_known + implicit * drift
         r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
-        v_c, whole = v - solution.v_p, spin(turns, r - area_centroid(r, g))
+        v_c = v - solution.v_p
+        whole = spin(turns, r - volume_centroid(r, model.mesh.faces))
         flow = Flow(v_c + whole, solution.v_p, zeta0, g.normals, g.node_areas)
         g = geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, past.known, r_new, g, v, c)
