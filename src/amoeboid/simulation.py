@@ -20,7 +20,7 @@ from amoeboid.surface.geometry import area, geometry, node_areas, volume_centroi
 from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
 from amoeboid.surface.model import Flow, Model, State
 from amoeboid.surface.remeshing import due, remeshed
-from amoeboid.surface.rigid import spin
+from amoeboid.surface.rigid import spin, turning_rate
 from amoeboid.surface.stability import SETTLED, Growth, leading_growth_rate
 from amoeboid.surface.stepping import (
     StepFailed,
@@ -46,6 +46,7 @@ PATIENCE = 20.0
 # Slower turning, in units of model.rate, is left out of what changes: no force holds the axis of a
 # straight cell, and a mesh turns it a little.
 SLOW_TURNING = 0.02
+FINER_TURNING = 2
 # Length of the start on a new mesh as a share of the step before it, which was of higher order.
 START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
@@ -370,8 +371,12 @@ def _rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     rate = changing(flow.v)
     turning = np.full(3, np.inf) if state.turning is None else state.turning
     if rate >= STEADY and np.linalg.norm(turning) < SLOW_TURNING * model.rate:
-        # what changes in axes that turn with the cell, where a cell that only turns is at rest
-        rate = min(rate, changing(flow.v - spin(turning, x)))
+        # what changes in axes that turn with the cell, where a cell that only turns is at rest; the
+        # rate is damped, and what it leaves of the turning is taken off in turn
+        v = flow.v - spin(turning, x)
+        for _ in range(FINER_TURNING):
+            v -= spin(turning_rate(model, state.r, state.c, g, v), x)
+        rate = min(rate, changing(v))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate
