@@ -86,7 +86,7 @@ def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
         v_c = last.flow.v_c + spin(np.array([turns, 0.0, 0.0]) * model.rate, x)
         v_c = v_c + beside * model.rate * x * x[:, :1] ** 2
         flow = replace(last.flow, v_c=v_c)
-        found = turning_rate(model, state.r, state.c, g, flow.v) if known else np.zeros(3)
+        found = turning_rate(model, state.r, state.c, g, flow.v) if known else None
         rate, _ = simulation._rate(model, replace(state, turning=found), flow)
         return rate / simulation.STEADY
 
