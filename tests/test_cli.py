@@ -387,15 +387,15 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
     [
         (
             Rest(0.0, Growth(-0.51234, 0.013)),
-            "steady and stable: its slowest disturbance decays at 0.512 +- 0.01 per unit of time",
+            "steady and stable: its slowest perturbation decays at 0.512 +- 0.01 per unit time",
         ),
         (
             Rest(0.0, Growth(0.004, 0.001)),
-            "steady but unstable: its fastest disturbance grows, slowly, at 0.004 +- 0.001 per",
+            "steady but unstable: a perturbation grows, slowly, at 0.004 +- 0.001 per",
         ),
         (
             Rest(0.0, Growth(0.2, 0.01)),
-            "unstable: its fastest disturbance grows at 0.2 +- 0.01 per unit of time",
+            "unstable: its fastest perturbation grows at 0.2 +- 0.01 per unit time",
         ),
         (
             Rest(0.0, Growth(None, problem="no step converges")),
@@ -422,7 +422,7 @@ def test_the_growth_rate_is_told_and_kept(tmp_path, capsys):
     folder = tmp_path / "run"
     run = ["run", "--set", "mesh.subdivisions=1", "--set", "v_p0=5", "-o", str(folder)]
     assert main(run) == 0
-    assert "slowest disturbance decays at 0." in " ".join(capsys.readouterr().out.split())
+    assert "slowest perturbation decays at 0." in " ".join(capsys.readouterr().out.split())
     summary = json.loads((folder / "manifest.json").read_text())["summary"]
     assert summary["steady"]
     # lambda_1 of the homogeneous cell at the default D, on a mesh of 42 nodes
@@ -444,9 +444,9 @@ def test_a_run_that_is_not_steady_says_how_fast_it_changes_and_how_to_go_on(tmp_
     # the change of c in units of c0 at the poles, where it is the largest
     polarity = 0.5 * (summary["c_rear"] - summary["c_front"]) / summary["c_rear"]
     assert summary["rate_of_change"] == pytest.approx(polarity * growth_rate(p, 1), rel=0.15)
-    assert f"changes by {100 * summary['rate_of_change']:.3g} %" in text
-    assert f"grows by {100 * summary['speed_growth']:.3g} % per unit of time" in text
-    hint = re.search(r"to go on: amoeboid (run --resume \S+ --set time\.end=4)", text)
+    assert f"changes at a relative rate of {summary['rate_of_change']:.3g}" in text
+    assert f"grows at {summary['speed_growth']:.3g} per unit time" in text
+    hint = re.search(r"to continue: amoeboid (run --resume \S+ --set time\.end=4)", text)
     assert hint is not None
     assert main([*hint[1].split(), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["speed_growth"] > 0
@@ -457,7 +457,7 @@ def test_a_decaying_cell_is_said_to_decay(tmp_path, capsys):
     assert main(run) == 0
     text = " ".join(capsys.readouterr().out.split())
     assert "the state is not steady" in text
-    assert "max_retrograde_speed falls by" in text
+    assert "max_retrograde_speed falls at" in text
 
 
 UNITS = {

@@ -92,7 +92,7 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     assert "front" in written
     assert f"{0.5 * scale:g} [L]" in written
     assert any(text.endswith("[L/T]") for text in written)
-    assert any(text.endswith("[N/L^2]") for text in written)
+    assert any(text.strip().endswith("[N/L^2]") for text in written)
     assert "t = 0.5 [T]" in written
     assert np.ptp(imread(tmp_path / "cell.png")[..., :3]) > 0.5
 

@@ -70,7 +70,7 @@ def _path(text: str) -> Path:
 def execute(args: argparse.Namespace) -> int:
     """Run the simulation; returns the exit code."""
     if args.resume is not None and (args.config is not None or args.output is not None):
-        raise InvalidInput("--resume goes on in its own folder; leave out CONFIG.toml and -o")
+        raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
     with run.failure_recorded():
@@ -120,14 +120,15 @@ def _speed_growth(rows: Sequence[dict[str, float]], unit: float) -> float | None
 
 def _change(summary: dict[str, Any], why: str, t: float) -> str:
     """How fast a cell that is not steady changes, and how to follow it further."""
-    text = f"shape or concentration changes by {100 * summary['rate_of_change']:.3g} %"
+    changes = number(summary["rate_of_change"], 3)
+    text = f"shape or concentration changes at a relative rate of {changes}"
     growth = summary["speed_growth"]
     if growth is not None:
         word = "grows" if growth > 0 else "falls"
-        text += f", max_retrograde_speed {word} by {100 * abs(growth):.3g} %"
-    text += " per unit of time"
+        text += f", max_retrograde_speed {word} at {number(abs(growth), 3)}"
+    text += " per unit time"
     if why == "end of time":
-        text += f"; to go on: amoeboid run --resume {summary['output']} --set time.end={2 * t:g}"
+        text += f"; to continue: amoeboid run --resume {summary['output']} --set time.end={2 * t:g}"
     return text
 
 
@@ -280,12 +281,12 @@ def _stability(last: Step) -> str:
     if last.stability == "unknown":
         return f"the state is steady, but its stability is unknown: {last.stability_problem}"
     growth, error = last.growth or 0.0, last.growth_error or 0.0
-    size = f"{number(abs(growth), 3)} +- {number(error, 1)} per unit of time"
+    size = f"{number(abs(growth), 3)} +- {number(error, 1)} per unit time"
     if last.stability == "stable":
-        return f"the state is steady and stable: its slowest disturbance decays at {size}"
+        return f"the state is steady and stable: its slowest perturbation decays at {size}"
     if last.steady:
-        return f"the state is steady but unstable: its fastest disturbance grows, slowly, at {size}"
-    return f"the state is unstable: its fastest disturbance grows at {size}"
+        return f"the state is steady but unstable: a perturbation grows, slowly, at {size}"
+    return f"the state is unstable: its fastest perturbation grows at {size}"
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:

@@ -57,7 +57,7 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
     surface = pv.PolyData.from_regular_faces(x, scene["faces"])
     surface.point_data["c"] = scene["c"]
     bar: dict[str, Any] = {
-        "title": "filament concentration c [N/L^2]",
+        "title": "filament concentration c [N/L^2]\n",  # with room below
         "color": INK,
         "fmt": "%.4g",
         "vertical": False,
@@ -74,9 +74,9 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
         cmap=COLOR_MAP,
         clim=limits,
         smooth_shading=True,
-        ambient=0.45,
-        diffuse=0.6,
-        specular=0.05,
+        ambient=0.8,
+        diffuse=0.25,
+        specular=0.0,
         scalar_bar_args=bar,
     )
 
@@ -130,7 +130,7 @@ def _add_scale(
         )
         plotter.add_mesh(arrow, color=INK)
         place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
-        _label(plotter, place, f"{fastest:.3g} [L/T]", INK)
+        _label(plotter, place, f"retrograde flow {fastest:.3g} [L/T]", INK)
 
 
 def _round_length(longest: float) -> float:
@@ -193,6 +193,7 @@ def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> No
     eye = focus + DISTANCE * size * _sight(rear, side)
     plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
     plotter.camera.view_angle = 26.0
+    plotter.enable_parallel_projection()
 
 
 if __name__ == "__main__":

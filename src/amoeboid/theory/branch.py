@@ -178,6 +178,10 @@ def prediction(p: Points) -> Prediction:
     next_speed = max_retrograde_speed(p, _carried(onset.form, following.amplitude))
     estimate, excess = _on_the_way(p, onset)
     excessive = (estimate >= MAX_ESTIMATE) & (excess > MAX_EXCESS)
+    # an unstable state that the next order does not have is none of the cell
+    confirmed = following.exists | cubic.stable | ~cubic.exists
+    near = onset.nearness * _change(p, onset) < MAX_CHANGE
+    reached = confirmed & near & ~excessive & _others_decay(p)
     return Prediction(
         state=cubic,
         max_retrograde_speed=speed,
@@ -185,7 +189,7 @@ def prediction(p: Points) -> Prediction:
         next_order=following,
         next_order_speed=next_speed,
         relative_error=np.where(estimate < MAX_ESTIMATE, estimate, np.where(cubic.exists, 1.0, 0)),
-        in_reach=~excessive & _others_decay(p) & (onset.nearness * _change(p, onset) < MAX_CHANGE),
+        in_reach=reached,
     )
 
 

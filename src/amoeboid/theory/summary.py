@@ -180,6 +180,9 @@ def _speed(
         if weakly is not None and weakly.prediction.state.exists:
             notes.append(
                 "a polarization above the amplitude of the unstable state grows nevertheless"
+                if weakly.prediction.in_reach
+                else "the cubic theory has an unstable polarized state, too far from the threshold "
+                "to be trusted; `amoeboid steady` decides whether the cell has polarized states"
             )
         return 0.0, notes
     if weakly is None:
@@ -187,7 +190,7 @@ def _speed(
     if growing:
         return None, [
             f"{others} of the sphere grow" + "s" * (len(growing) == 1) + " at this pressure and "
-            "v_p0 beside mode 1; the amplitude equation takes all but mode 1 for slaved and "
+            "v_p0 beside mode 1; the amplitude equation treats all modes but l = 1 as slaved and "
             "predicts no flow; `amoeboid steady` computes it"
         ]
     predicted = weakly.prediction
