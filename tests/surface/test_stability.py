@@ -9,7 +9,7 @@ import pytest
 from amoeboid import simulation
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
-from amoeboid.config import Config, Initial, Mesh
+from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
 from amoeboid.parameters import Parameters
@@ -273,7 +273,7 @@ def test_the_linearized_step_is_the_difference_of_two_steps(monkeypatch):
         (PAPER, 4, 0.01),
         (SWEPT, 4, 0.012),
         (VERY_SWEPT, 4, 0.01),
-        (EMPTIED, 3, 0.11),
+        (EMPTIED, 3, 0.21),  # 0.10 with nodes at rest; as exact on 2562 nodes
         (EMPTIED, 4, 0.03),
     ],
     ids=["paper, 642", "paper, 2562", "table", "swept", "emptied, 642", "emptied, 2562"],
@@ -383,13 +383,17 @@ def test_rates_of_stable_cells_on_finer_meshes(p, errors):
 
 @pytest.mark.slow
 def test_the_rate_of_a_cell_that_turns_is_of_second_order():
+    """From 2562 nodes on (2.0); on coarser meshes errors of fourth order have the other sign."""
     exact, found = fastest_axisymmetric(TURNS), []
-    for subdivisions in (2, 3, 4):
-        step = still(TURNS, subdivisions)
+    for subdivisions in (2, 3, 4, 5):
+        config = Config(parameters=TURNS, mesh=Mesh(subdivisions=subdivisions), time=Time(end=15.0))
+        *_, step = evolve(start(config), config.time)
         found.append(rate_of(step, settled=1e-3))
     errors = np.array(found) - exact
-    print(f"axisymmetric {exact:.5f}, found {found}")
-    assert np.all(np.abs(observed_orders((162, 642, 2562), errors) - 2) < 0.4), errors
+    orders = observed_orders((162, 642, 2562, 10242), errors)
+    print(f"axisymmetric {exact:.5f}, found {found}, errors {errors}, orders {orders}")
+    assert np.all(np.abs(errors) < (0.06, 0.025, 0.008, 0.002))
+    assert abs(orders[-1] - 2) < 0.4, errors
 
 
 @pytest.mark.slow
