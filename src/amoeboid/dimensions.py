@@ -6,6 +6,7 @@ norm or one elimination, the computation is done in the natural units of the cel
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, fields
 from functools import cache
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from amoeboid.parameters import Parameters
 from amoeboid.polymerization import Array, Law
+from amoeboid.validation import InvalidInput
 
 DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
 """Dimension of each parameter, such as "L^2/T"; the law has none."""
@@ -30,11 +32,23 @@ class Units:
     filaments: float
 
     def of(self, dimension: str) -> float:
-        """The size of the unit of a dimension such as "M/(L T^2)"."""
+        """The size of the unit of a dimension such as "M/(L T^2)".
+
+        Raises InvalidInput where it is beyond double precision.
+        """
         powers = {"L": self.length, "T": self.time, "M": self.mass, "N": self.filaments}
         size = 1.0
-        for symbol, exponent in exponents(dimension):
-            size *= powers[symbol] ** exponent
+        try:
+            for symbol, exponent in exponents(dimension):
+                size *= powers[symbol] ** exponent
+        except (OverflowError, ZeroDivisionError):
+            size = 0.0
+        if not 0.0 < size < math.inf:
+            raise InvalidInput(
+                f"a unit of {dimension} must be within double precision, it is not with a length "
+                f"of {self.length:g}, a time of {self.time:g} and a mass of {self.mass:g}; choose "
+                "other units"
+            )
         return size
 
 
@@ -88,10 +102,10 @@ def natural_units(p: Parameters) -> Units:
     """The units in which a cell is of order one: R0, eta_s, c0 and the inverse of its fastest rate.
 
     c_r takes the place of c0 = 0, and the rate at which pressure moves the shape that of turnover,
-    diffusion and treadmilling where all three are 0.
+    diffusion and treadmilling where all three are 0. Raises InvalidInput where `p.rate` does.
     """
-    rates = (p.beta, p.D / p.R0 / p.R0, abs(float(p.v_p(p.c0))) / p.R0)
-    time = 1.0 / (max(rates) or p.delta_P * p.R0 / p.eta_s or 1.0)
+    moves = p.beta > 0 or p.D > 0 or float(p.v_p(p.c0)) != 0
+    time = 1.0 / (p.rate if moves else p.delta_P * p.R0 / p.eta_s or 1.0)
     return Units(
         length=p.R0,
         time=time,

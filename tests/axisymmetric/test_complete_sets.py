@@ -298,3 +298,14 @@ def test_the_maximum_of_a_state_with_filaments_at_the_equator_is_its_c_rear():
     poles = polarized.concentration(np.array([0.0, np.pi]))
     assert sorted(poles) == pytest.approx([polarized.c_front, polarized.c_rear], rel=1e-12)
     assert not any(unstable_modes(polarized).values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("window", [(300.0, 0.0), (0.4, 0.2)])
+def test_a_branch_in_pressure_does_not_slide_to_symmetrical_states(window):
+    """Its threshold does not depend on delta_P: the branch of l = 1 meets that of l = 2 instead."""
+    p = Parameters(D=0.4, v_p0=6.0)
+    branch = polarized_branch(p, "delta_P", *window)
+    assert all(b.state.max_retrograde_speed > 1e-6 for b in branch.points)
+    assert branch.origins == ()
+    assert any("0.29064" in problem and "symmetrical" in problem for problem in branch.problems)

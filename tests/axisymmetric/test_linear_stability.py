@@ -21,6 +21,7 @@ from amoeboid.theory.linear import (
     finite_pressure_rates,
     growth_rate,
 )
+from amoeboid.validation import InvalidInput
 
 SPHERES = [
     Parameters(),
@@ -170,3 +171,26 @@ def test_growing_modes_of_a_polarized_cell_do_not_depend_on_a_high_pressure():
         assert 0 < rates[0].real < 0.05
     assert counts[0] == counts[1]
     assert counts[0][1][0] == 1
+
+
+@pytest.mark.parametrize(
+    "p", [Parameters(D=0.001, v_p0=6.0), Parameters(law="inverse", v_p0=12.0, D=0.002)]
+)
+def test_every_mode_of_the_sphere_that_grows_is_counted(p):
+    """13 and 47 modes: more than the harmonics that the sphere itself needs."""
+    l = np.arange(2, 100)
+    growing = np.append(growth_rate(p, 1) > 0, finite_pressure_rates(p, l)[:, 0].real > 0)
+    assert growing.sum() > 12
+    found = unstable_modes(homogeneous(p))
+    assert [found[m] for m in range(4)] == [growing[max(m, 1) - 1 :].sum() for m in range(4)]
+
+
+def test_that_not_all_growing_modes_are_counted_is_said():
+    found = steady_states(Parameters(D=0.0, beta=0.0), (1,))
+    assert any("lower bounds" in problem for problem in found.problems)
+
+
+@pytest.mark.parametrize("change", [{"v_p0": 1e300}, {"R0": 1e-100}, {"D": 1e300}, {"R0": 1e-300}])
+def test_cells_beyond_double_precision_are_rejected(change):
+    with pytest.raises(InvalidInput, match="must be|beyond double precision"):
+        steady_states(Parameters(**change), (1,))

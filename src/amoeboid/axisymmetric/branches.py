@@ -160,6 +160,15 @@ def _met(value: float, branch: Branch) -> bool:
     return any(abs(value - other) <= SAME * abs(other) for other in branch.origins)
 
 
+def _distinct(values: Sequence[float]) -> tuple[float, ...]:
+    """The values in order, without those that differ from an earlier one by rounding."""
+    kept: list[float] = []
+    for value in values:
+        if not any(abs(value - other) <= SAME * abs(other) for other in kept):
+            kept.append(value)
+    return tuple(kept)
+
+
 def _nearest_first(origins: Sequence[float], window: Window) -> list[float]:
     def away(value: float) -> float:
         return max(window.low - value, value - window.high, 0.0)
@@ -245,7 +254,7 @@ def joined(branches: Sequence[Branch]) -> Branch:
             for b, offset in zip(branches, offsets, strict=False)
             for crossing in b.crossings
         ),
-        tuple(dict.fromkeys(value for b in branches for value in b.origins)),
+        _distinct([value for b in branches for value in b.origins]),
         all(b.complete for b in branches),
         tuple(dict.fromkeys(text for b in branches for text in b.problems)),
     )

@@ -47,6 +47,9 @@ MAX_DEGREE = 12
 MAX_COARSE_STEP = 1.5
 """Longest step where points are not asked for."""
 
+FINER, MAX_FINER = 8.0, 600.0
+"""Factor by which steps become shorter where one has slid to states of more symmetry, and most."""
+
 SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start", "zero"
 
 
@@ -120,6 +123,7 @@ class Path:
     last: Point | None = None
     unresolved: Arc | None = None
     count: int = field(default=0, init=False)
+    _finer: float = field(default=1.0, init=False)
 
     def __iter__(self) -> Iterator[Arc]:
         here: Point | None = self.start
@@ -134,6 +138,10 @@ class Path:
             if inside
             else replace(self.options, first_step=0.05, max_step=MAX_COARSE_STEP, angle=0.2)
         )
+        if self._finer > 1.0:
+            longest = options.max_step / self._finer
+            shortest = min(options.first_step, longest)
+            options = replace(options, max_step=longest, first_step=shortest)
         anchor = before = start
         pending: list[Arc] = []
         for point in self._points(start, options):
@@ -145,7 +153,15 @@ class Path:
             before = point
             if point.fold:
                 continue
-            arcs = self._ended(anchor, point, pending)
+            arcs = [] if self._slid(anchor, point) else self._ended(anchor, point, pending)
+            if not arcs:
+                self._finer *= FINER
+                if self._finer > MAX_FINER:
+                    raise Stalled(
+                        f"the branch meets states of more symmetry between parameter = "
+                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; where was not found"
+                    )
+                return anchor
             self.last = arcs[-1].b
             for arc in arcs:
                 edge = None if inside else self._entry(arc)
@@ -182,8 +198,23 @@ class Path:
             return at_value(arc, overlap[0], self.options)
         return None
 
+    def _slid(self, anchor: Point, point: Point) -> bool:
+        """Whether a step from a polarized state led to the sphere or to a symmetrical state.
+
+        A branch that ends on these passes through to its mirror image; a step may miss that.
+        """
+        pairs = (
+            (self._deviation(anchor), self._deviation(point)),
+            (asymmetry(anchor), asymmetry(point)),
+        )
+        return any(np.any(a) and not np.any(b) for a, b in pairs)
+
     def _ended(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
-        """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`."""
+        """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`.
+
+        None if the branch passes through the sphere and none from there leads back to `anchor`: the
+        step was too long to tell what it has met.
+        """
         if _reversed(self._deviation(anchor), self._deviation(point)):
             self.end = SPHERE
             return self._to_sphere(anchor, point, pending)
@@ -207,7 +238,7 @@ class Path:
         return _padded(psi, u, c)
 
     def _to_sphere(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
-        """The arcs to the threshold, the last one found from the sphere."""
+        """The arcs to the threshold, found from the sphere; none if none lead there."""
         away, beyond = (float(np.linalg.norm(self._deviation(q))) for q in (anchor, point))
         # parameter = threshold + k amplitude^2 near the threshold, or linear in the amplitude
         f, g = away**2, beyond**2
@@ -228,16 +259,8 @@ class Path:
             if arcs:
                 self.threshold = value
                 return arcs
-        if not found:
-            raise Stalled(
-                f"the branch meets the sphere near parameter = {guess:.6g}, but no threshold of "
-                "the sphere was found there"
-            )
-        self.threshold = found[0]
-        at = point.system.point(np.array([found[0]]))  # type: ignore[attr-defined]
-        length = anchor.length + (point.length - anchor.length) * away / (away + beyond)
-        x = homogeneous_unknowns(at, modes_of(point))
-        return [Arc(anchor, anchor, replace(point, x=x, parameter=found[0], length=length))]
+        self.end = ""
+        return []
 
     def _from_sphere(self, value: float, anchor: Point) -> list[Arc]:
         """Arcs from `anchor` to the threshold `value` that were found from there; none if wrong."""

@@ -26,11 +26,15 @@ from amoeboid.axisymmetric.unknowns import split
 from amoeboid.dimensions import natural_units
 from amoeboid.numerics.newton import solve
 from amoeboid.parameters import Parameters
+from amoeboid.theory.linear import finite_pressure_rates
 from amoeboid.validation import InvalidInput
 
 Array = NDArray[Any]
 
 AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
+MAX_GROWING = 100
+"""The highest degree up to which growing modes of the sphere are counted."""
+
 NEUTRAL = 1e-7
 """Growth rates below this fraction of turnover, diffusion and treadmilling count as neutral."""
 
@@ -82,13 +86,24 @@ class Spectrum:
 
 
 def degree_for(state: SteadyState) -> int:
-    """Degree of harmonics that resolves what the steady state's own series resolves."""
+    """Degree of harmonics that resolves what the state's own series does, and what grows.
+
+    That is as far as the modes of the sphere tell, and up to MAX_GROWING.
+    """
     psi, u, c, _ = split(state.x, state.n)
     last = 0
     for series in (c, u, np.concatenate([[1.0], psi])):
         large = np.nonzero(np.abs(series) > 1e-7 * np.abs(series).max())[0]
         last = max(last, int(large[-1]) if large.size else 0)
-    return min(max(12, last + 4), max(state.n, 12))
+    resolved = min(max(12, last + 4), max(state.n, 12))
+    return max(resolved, highest_growing(state.parameters) + 4)
+
+
+def highest_growing(p: Parameters) -> int:
+    """The highest mode l >= 2 of the homogeneous sphere that grows, up to MAX_GROWING, or 0."""
+    l = np.arange(2, MAX_GROWING + 1)  # noqa: E741
+    growing = l[finite_pressure_rates(p, l)[:, 0].real > 0]
+    return int(growing[-1]) if growing.size else 0
 
 
 def spectrum(state: SteadyState, m: int, degree: int | None = None) -> Spectrum:

@@ -14,6 +14,7 @@ from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speeds
 from amoeboid.axisymmetric.paths import SAME, Path, modes_of, steady_state_at
 from amoeboid.axisymmetric.progress import Watch, unwatched
+from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.numerics.arcs import Arc, at_value
@@ -110,12 +111,17 @@ def steady_states(
 
 def stability_problems(p: Parameters) -> tuple[str, ...]:
     """What limits the counts of unstable modes at a parameter point."""
-    if p.delta_P > 0:
-        return ()
-    return (
-        "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend on "
-        "the resolution; raise delta_P to trust them",
-    )
+    if p.delta_P == 0:
+        return (
+            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
+            "on the resolution; raise delta_P to trust them",
+        )
+    if highest_growing(p) == MAX_GROWING:
+        return (
+            f"modes of the sphere up to l = {MAX_GROWING} grow, which is as far as they are "
+            "counted: the counts of unstable modes are lower bounds; raise D or beta",
+        )
+    return ()
 
 
 def _without_speed(p: Parameters) -> str:

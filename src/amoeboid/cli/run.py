@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import shlex
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -128,7 +129,8 @@ def _change(summary: dict[str, Any], why: str, t: float) -> str:
         text += f", max_retrograde_speed {word} at {number(abs(growth), 3)}"
     text += " per unit time"
     if why == "end of time":
-        text += f"; to continue: amoeboid run --resume {summary['output']} --set time.end={2 * t:g}"
+        folder = shlex.quote(summary["output"])
+        text += f"; to continue: amoeboid run --resume {folder} --set time.end={2 * t:g}"
     return text
 
 
