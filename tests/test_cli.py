@@ -223,7 +223,7 @@ def test_a_full_disk_is_a_failed_run(frame, tmp_path, monkeypatch, capsys):
         (["-o", "long" * 100], "File name too long"),
         (["--resume", "long" * 100], "File name too long"),
         (["--resume", "missing"], "config.toml"),
-        (["--resume", "missing", "-o", "x"], "--resume goes on in its own folder"),
+        (["--resume", "missing", "-o", "x"], "--resume continues in its own folder"),
     ],
 )
 def test_user_mistakes_get_one_message_and_exit_code_2(

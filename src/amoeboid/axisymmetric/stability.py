@@ -102,7 +102,8 @@ def degree_for(state: SteadyState) -> int:
 def highest_growing(p: Parameters) -> int:
     """The highest mode l >= 2 of the homogeneous sphere that grows, up to MAX_GROWING, or 0."""
     l = np.arange(2, MAX_GROWING + 1)  # noqa: E741
-    growing = l[finite_pressure_rates(p, l)[:, 0].real > 0]
+    with np.errstate(all="ignore"):  # what is not finite is rejected
+        growing = l[finite_pressure_rates(p, l)[:, 0].real > 0]
     return int(growing[-1]) if growing.size else 0
 
 
