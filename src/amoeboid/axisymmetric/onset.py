@@ -93,7 +93,9 @@ def onset_speeds(p: Parameters, l: int = 1) -> tuple[float, ...]:  # noqa: E741
     unit = p.D / p.R0 + p.beta * p.R0 + p.alpha * p.c0 * p.R0 / (p.eta_s + p.eta_b)
     if unit == 0:
         return ()
-    return _roots(_critical(p, "v_p0", l), unit * np.geomspace(1e-6, LARGEST_SPEED, 37))
+    with np.errstate(over="ignore"):  # speeds beyond double precision are rejected
+        speeds = unit * np.geomspace(1e-6, LARGEST_SPEED, 37)
+    return _roots(_critical(p, "v_p0", l), speeds)
 
 
 def onset_speed(p: Parameters, l: int = 1) -> float | None:  # noqa: E741
