@@ -3,9 +3,6 @@
 import json
 import os
 import subprocess
-import sys
-import tomllib
-from pathlib import Path
 
 import matplotlib
 import pytest
@@ -18,22 +15,8 @@ from amoeboid.plotting import cell, cell_process
 from amoeboid.plotting.branches import draw_states
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation import start
+from command import COMMAND, SHORT
 
-PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
-MODULE, FUNCTION = PROJECT["scripts"]["amoeboid"].split(":")
-COMMAND = [
-    sys.executable,
-    "-c",
-    f"import sys; from {MODULE} import {FUNCTION}; sys.exit({FUNCTION}())",
-]
-SHORT = [
-    "--set",
-    "mesh.subdivisions=1",
-    "--set",
-    "initial.perturbation=1",
-    "--set",
-    "time.end=0.01",
-]
 DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
 
 

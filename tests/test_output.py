@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-import tomllib
 import warnings
 from pathlib import Path
 
@@ -17,22 +16,7 @@ from amoeboid.cli import output
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import fitting
 from amoeboid.cli.tables import number, percent, table, text
-
-PROJECT = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
-MODULE, FUNCTION = PROJECT["scripts"]["amoeboid"].split(":")
-COMMAND = [
-    sys.executable,
-    "-c",
-    f"import sys; from {MODULE} import {FUNCTION}; sys.exit({FUNCTION}())",
-]
-SHORT = [
-    "--set",
-    "mesh.subdivisions=1",
-    "--set",
-    "initial.perturbation=1",
-    "--set",
-    "time.end=0.01",
-]
+from command import COMMAND, SHORT
 
 # One cell, as base units of length, time, mass and number in units of R0, 1/beta, eta_s/beta and
 # c_r R0^2: its own, m s kg 1, um s, mm min, units that nobody uses.
