@@ -22,8 +22,8 @@ from amoeboid.axisymmetric.evolution import perturbed_sphere, settled  # noqa: E
 from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram  # noqa: E402
 from amoeboid.axisymmetric.stability import unstable_modes  # noqa: E402
 from amoeboid.axisymmetric.steady import steady_state  # noqa: E402
+from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.numerics.continuation import Options  # noqa: E402
-from amoeboid.parameters import Parameters  # noqa: E402
 
 
 def timed(task: Callable[[], object], repetitions: int) -> tuple[float, float]:

@@ -22,10 +22,10 @@ from amoeboid.axisymmetric.branches import steady_states  # noqa: E402
 from amoeboid.axisymmetric.stability import unstable_modes  # noqa: E402
 from amoeboid.axisymmetric.steady import SteadyState  # noqa: E402
 from amoeboid.config import Config, Initial, Mesh, Time  # noqa: E402
+from amoeboid.model.parameters import Parameters  # noqa: E402
+from amoeboid.model.polymerization import Inverse  # noqa: E402
 from amoeboid.observables import observed  # noqa: E402
-from amoeboid.parameters import Parameters  # noqa: E402
-from amoeboid.polymerization import Inverse  # noqa: E402
-from amoeboid.simulation import Diverged, evolve, start  # noqa: E402
+from amoeboid.simulation.loop import Diverged, evolve, start  # noqa: E402
 
 OBSERVED = ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
 # Below this share of c0 a front is empty; its error is then one of the share of c0, not of itself.

@@ -27,12 +27,11 @@ import numpy as np  # noqa: E402
 import pyvista  # noqa: E402
 
 from amoeboid.config import Config, Initial, Mesh, Output, Time, resolved  # noqa: E402
-from amoeboid.parameters import Parameters  # noqa: E402
-from amoeboid.simulation import Diverged, Step, evolve, start  # noqa: E402
-from amoeboid.store import new_run  # noqa: E402
-from amoeboid.surface.geometry import area, mesh_quality, node_areas, volume  # noqa: E402
-from amoeboid.surface.mesh import icosphere  # noqa: E402
-from amoeboid.surface.stepping import LEAST_QUALITY  # noqa: E402
+from amoeboid.meshes.connectivity import icosphere  # noqa: E402
+from amoeboid.meshes.geometry import LEAST_QUALITY, area, mesh_quality, node_areas, volume  # noqa: E402
+from amoeboid.model.parameters import Parameters  # noqa: E402
+from amoeboid.output.folder import new_run  # noqa: E402
+from amoeboid.simulation.loop import Diverged, Step, evolve, start  # noqa: E402
 from amoeboid.validation import InvalidInput  # noqa: E402
 
 LAWS = (

@@ -19,11 +19,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.meshes.geometry import volume_centroid
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import mesh_quality, observed
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Diverged, Step, evolve, start
-from amoeboid.store import new_folder, new_run
-from amoeboid.surface.geometry import volume_centroid
+from amoeboid.output.folder import new_folder, new_run
+from amoeboid.simulation.loop import Diverged, Step, evolve, start
 
 SUBDIVISIONS = {162: 2, 642: 3, 2562: 4, 10242: 5}
 POLARIZED = Initial()

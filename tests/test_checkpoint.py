@@ -7,14 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Initial, Mesh, Output, Time
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Rest, evolve, start
-from amoeboid.store import new_run
-from amoeboid.surface.mesh import icosphere
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.model.parameters import Parameters
+from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from amoeboid.output.folder import new_run
+from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface.stability import Growth
+from amoeboid.surface.steadiness import Rest
 from amoeboid.validation import InvalidInput
 from surface.written import write_surface
 

@@ -14,13 +14,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from amoeboid import store
 from amoeboid.cli.main import COMMANDS, main
 from amoeboid.cli.run import _stability
 from amoeboid.config import Config, Mesh
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Rest, start
+from amoeboid.model.parameters import Parameters
+from amoeboid.output import folder as store
+from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
+from amoeboid.surface.steadiness import Rest
 from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
@@ -366,7 +367,7 @@ def run_with_ctrl_c_at(name, folder, handler="signal.default_int_handler"):
 
 
 @pytest.mark.parametrize(
-    "name", ["amoeboid.cli.main", "amoeboid.cli.bench", "numpy", "numba", "amoeboid.store"]
+    "name", ["amoeboid.cli.main", "amoeboid.cli.branch", "numpy", "numba", "amoeboid.output.folder"]
 )
 def test_ctrl_c_during_imports_ends_the_program_quietly(name, tmp_path):
     """An exception would be lost in such a place, and the program would go on."""

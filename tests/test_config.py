@@ -13,7 +13,7 @@ from amoeboid.config import (
     resolved,
     with_settings,
 )
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 

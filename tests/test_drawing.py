@@ -10,11 +10,11 @@ import pytest
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.plotting import cell, cell_process
 from amoeboid.plotting.branches import draw_states
 from amoeboid.plotting.trajectory import save_trajectory_picture
-from amoeboid.simulation import start
+from amoeboid.simulation.loop import start
 from command import COMMAND, SHORT
 
 DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"

@@ -10,7 +10,7 @@ import pytest
 
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Initial, anchored, config_from_toml, config_to_toml
-from amoeboid.surface.geometry import area
+from amoeboid.meshes.geometry import area
 from amoeboid.validation import InvalidInput
 from surface.written import crossing, ellipsoid, inside_out, write_surface
 

@@ -11,13 +11,12 @@ from amoeboid.axisymmetric.evolution import evolve as evolve_axisymmetric
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState
 from amoeboid.axisymmetric.unknowns import fields_of
+from amoeboid.meshes.connectivity import connectivity
+from amoeboid.meshes.extrema import DEGREE, REACH, RINGS, fitted_maxima, largest
+from amoeboid.meshes.geometry import geometry
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import (
-    DEGREE,
     OBSERVABLES,
-    REACH,
-    RINGS,
-    _fitted_maxima,
-    _largest,
     c_front,
     c_rear,
     components,
@@ -33,11 +32,8 @@ from amoeboid.observables import (
     reduced_volume,
     retrograde_flow,
 )
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import geometry
 from amoeboid.surface.initial import sphere
-from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.model import Flow
+from amoeboid.surface.state import Flow
 from surface.shapes import lumpy
 
 
@@ -173,8 +169,8 @@ def test_maxima_are_those_of_fitted_polynomials():
     r, mesh = lumpy(3)
     normals = geometry(r, mesh.faces).normals
     values = np.sin(3 * r[:, 0]) + np.cos(2 * r[:, 1] + r[:, 2])
-    nodes = _largest(values, 6)
-    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    nodes = largest(values, 6)
+    found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
     radius, angle = np.meshgrid(np.linspace(0, REACH, 201), np.linspace(0, 2 * np.pi, 361))
     x, y = radius * np.cos(angle), radius * np.sin(angle)
     for i, value in zip(nodes, found, strict=True):
@@ -188,7 +184,7 @@ def test_a_climb_never_ends_lower_than_it_began():
     r, mesh = lumpy(3)
     normals = geometry(r, mesh.faces).normals
     values, nodes = np.random.default_rng(1).normal(size=len(r)), np.arange(len(r))
-    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
     for i, value in zip(nodes, found, strict=True):
         assert value > fitted_polynomial(mesh, r, normals, values, i)(0.0, 0.0) - 1e-12
 
@@ -198,10 +194,10 @@ def test_few_nodes_give_a_fit_of_lower_degree():
     mesh = connectivity(np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
     normals = r / np.sqrt(3)
     values, nodes = np.array([1.0, 2.0, 3.0, 4.0]), np.arange(4)
-    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
     assert np.all(np.isfinite(found))
     assert np.all(found >= values - 1e-12)
-    alike = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, np.full(4, 2.0))
+    alike = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, np.full(4, 2.0))
     np.testing.assert_allclose(alike, 2.0, rtol=1e-14)
 
 
@@ -231,7 +227,7 @@ def test_on_a_rim_the_mesh_does_not_resolve_no_maximum_is_beyond_measure():
     values = (1.0 + x) ** 2
     nodes = np.argsort(-values)[:12]
     normals = geometry(r, mesh.faces).normals
-    found = _fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+    found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
     assert 3.9 < found.max() < 5.2
 
 
@@ -239,7 +235,7 @@ def test_the_largest_values_come_first_and_ties_in_order():
     values = np.random.default_rng(0).integers(0, 8, 200).astype(float)
     expected = np.argsort(-values, kind="stable")
     for count in (1, 24, 200, 300):
-        assert np.array_equal(_largest(values, count), expected[:count])
+        assert np.array_equal(largest(values, count), expected[:count])
 
 
 def sampled(state, subdivisions):

@@ -297,7 +297,6 @@ def test_a_run_needs_no_streams(tmp_path):
         ["branch", "--to", "8", "--max-points", "1_0"],
         ["phase-diagram", "--columns", "１０"],
         ["phase-diagram", "--speed-to", "8 9"],
-        ["bench", "--steps", "1_0"],
     ],
 )
 def test_numbers_of_options_are_read_as_people_write_them(words, capsys):

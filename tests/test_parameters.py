@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.parameters import (
+from amoeboid.model.parameters import (
     PARAMETER_NAMES,
     Parameters,
     parameters_from,
     parameters_from_toml,
     parameters_to_toml,
 )
-from amoeboid.polymerization import Custom, Exponential, Inverse
+from amoeboid.model.polymerization import Custom, Exponential, Inverse
 from amoeboid.validation import InvalidInput
 
 NUMBERS = tuple(name for name in PARAMETER_NAMES if name != "law")

@@ -6,8 +6,8 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.polymerization import MAX_EXPRESSION_LENGTH, Custom, Exponential, Inverse, law
-from amoeboid.taylor import FUNCTIONS
+from amoeboid.model.polymerization import MAX_EXPRESSION_LENGTH, Custom, Exponential, Inverse, law
+from amoeboid.numerics.taylor import FUNCTIONS
 from amoeboid.validation import InvalidInput
 
 V_P0, C_R = 1.7, 0.8

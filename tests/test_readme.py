@@ -8,8 +8,8 @@ import pytest
 
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
-from amoeboid.simulation import start
-from amoeboid.store import write_frame
+from amoeboid.output.folder import write_frame
+from amoeboid.simulation.loop import start
 from surface.written import ellipsoid, write_surface
 
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")

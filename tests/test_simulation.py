@@ -4,15 +4,15 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from amoeboid import simulation
-from amoeboid.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.config import Config, Initial, Mesh, Output, Time
+from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.multistep import backward_difference, extrapolated
 from amoeboid.observables import filament_number, retrograde_flow
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Diverged, between, due_times, evolve, start
+from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from amoeboid.simulation import loop as simulation
+from amoeboid.simulation.loop import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.surface.rigid import spin, turning_rate
 from amoeboid.surface.stability import Growth, leading_growth_rate
 from amoeboid.surface.stepping import (

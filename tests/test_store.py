@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import pyvista as pv
 
-from amoeboid import store, versions
 from amoeboid.cli.main import main
 from amoeboid.config import (
     Config,
@@ -22,11 +21,12 @@ from amoeboid.config import (
     config_to_toml,
     resolved,
 )
+from amoeboid.model.parameters import Parameters, parameters_to_toml
+from amoeboid.model.polymerization import NAMED_LAWS, Law
 from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
-from amoeboid.parameters import Parameters, parameters_to_toml
-from amoeboid.polymerization import NAMED_LAWS, Law
-from amoeboid.simulation import evolve, start
-from amoeboid.store import (
+from amoeboid.output import folder as store
+from amoeboid.output import versions
+from amoeboid.output.folder import (
     new_folder,
     new_run,
     resumed_run,
@@ -34,6 +34,7 @@ from amoeboid.store import (
     write_atomically,
     write_text,
 )
+from amoeboid.simulation.loop import evolve, start
 from amoeboid.validation import InvalidInput
 
 CONFIG = Config(

@@ -11,9 +11,9 @@ from amoeboid.axisymmetric.evolution import evolve, perturbed_sphere
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.cli.main import main
 from amoeboid.cli.phase_diagram import windows
-from amoeboid.dimensions import in_units, natural_units
-from amoeboid.parameters import Parameters
-from amoeboid.units import PAPER_CELL, to_simulation
+from amoeboid.model.dimensions import in_units, natural_units
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import PAPER_CELL, to_simulation
 from amoeboid.validation import InvalidInput
 from unit_systems import SYSTEMS, differences, settings
 

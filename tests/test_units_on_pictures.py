@@ -10,10 +10,10 @@ from matplotlib.image import imread
 
 from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
 from amoeboid.config import Config, Initial, Mesh, Time
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.plotting import branches, cell, cell_process
 from amoeboid.plotting.trajectory import save_trajectory_picture
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation.loop import evolve, start
 
 UNIT = re.compile(r"\[[^]]+\]")
 

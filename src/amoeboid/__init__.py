@@ -20,11 +20,12 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
+    from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.observables import OBSERVABLES, observed
-    from amoeboid.parameters import Parameters, parameters_from_toml, parameters_to_toml
-    from amoeboid.polymerization import Custom, Exponential, Inverse, Law
-    from amoeboid.simulation import Diverged, Step, evolve, start
-    from amoeboid.surface.model import Flow, Model, State
+    from amoeboid.simulation.loop import Diverged, Step, evolve, start
+    from amoeboid.surface.model import Model
+    from amoeboid.surface.state import Flow, State
     from amoeboid.theory.branch import prediction
     from amoeboid.theory.linear import growth_rate, thresholds
     from amoeboid.theory.points import points
@@ -32,33 +33,33 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Config": "config",
-    "Custom": "polymerization",
-    "Diverged": "simulation",
-    "Exponential": "polymerization",
-    "Flow": "surface.model",
+    "Custom": "model.polymerization",
+    "Diverged": "simulation.loop",
+    "Exponential": "model.polymerization",
+    "Flow": "surface.state",
     "Initial": "config",
     "InvalidInput": "validation",
-    "Inverse": "polymerization",
-    "Law": "polymerization",
+    "Inverse": "model.polymerization",
+    "Law": "model.polymerization",
     "Mesh": "config",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
     "Output": "config",
-    "Parameters": "parameters",
-    "State": "surface.model",
-    "Step": "simulation",
+    "Parameters": "model.parameters",
+    "State": "surface.state",
+    "Step": "simulation.loop",
     "Time": "config",
     "branch_from_sphere": "axisymmetric.branches",
     "config_from_toml": "config",
     "config_to_toml": "config",
-    "evolve": "simulation",
+    "evolve": "simulation.loop",
     "growth_rate": "theory.linear",
     "observed": "observables",
-    "parameters_from_toml": "parameters",
-    "parameters_to_toml": "parameters",
+    "parameters_from_toml": "model.parameters",
+    "parameters_to_toml": "model.parameters",
     "points": "theory.points",
     "prediction": "theory.branch",
-    "start": "simulation",
+    "start": "simulation.loop",
     "steady_states": "axisymmetric.branches",
     "thresholds": "theory.linear",
     "unstable_modes": "axisymmetric.stability",

@@ -13,8 +13,8 @@ from typing import Any
 
 import tomli_w
 
-from amoeboid.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.polymerization import refuse_unwritable
+from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.model.polymerization import refuse_unwritable
 from amoeboid.validation import (
     InvalidInput,
     automatic,

@@ -13,8 +13,8 @@ from scipy.optimize import brentq
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import SteadySystem
 from amoeboid.axisymmetric.unknowns import resampled
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, follow, parameter_derivative
-from amoeboid.parameters import Parameters
 
 CELLS = {
     "exponential": Parameters(D=0.4),

@@ -14,10 +14,10 @@ from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.states import _without_speed
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
-from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
 from amoeboid.theory.points import infinite_pressure

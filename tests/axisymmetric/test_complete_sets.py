@@ -16,9 +16,9 @@ from amoeboid.axisymmetric.onset import departure, onset_speed, onset_speeds
 from amoeboid.axisymmetric.paths import CLOSED, Path
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.axisymmetric.steady import strong_residual
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import to_simulation
 from amoeboid.numerics.continuation import Options, at_distance, started
-from amoeboid.parameters import Parameters
-from amoeboid.units import to_simulation
 from amoeboid.validation import InvalidInput
 from axisymmetric.scans import CELLS, Reference, rear, spaced
 

@@ -17,8 +17,8 @@ from amoeboid.axisymmetric.branches import (
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import strong_residual
 from amoeboid.cli.main import main
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, follow
-from amoeboid.parameters import Parameters
 
 STEPS = Options(parameter_scale=5.0, max_step=0.2)
 SOFT = Parameters(D=0.4, delta_P=11.0)

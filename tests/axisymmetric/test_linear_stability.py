@@ -14,7 +14,7 @@ from amoeboid.axisymmetric.stability import (
     unstable_modes,
 )
 from amoeboid.axisymmetric.steady import homogeneous
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.linear import (
     critical_speed,
     finite_pressure_matrix,

@@ -19,7 +19,7 @@ from amoeboid.axisymmetric.stability import (
     growth_rates,
 )
 from amoeboid.axisymmetric.steady import homogeneous
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 
 STENCIL = np.arange(-4, 5)
 FIRST = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])

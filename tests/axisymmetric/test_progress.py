@@ -9,8 +9,8 @@ from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_st
 from amoeboid.axisymmetric.phase_diagram import fold_line, phase_column
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import shown
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, follow, through
-from amoeboid.parameters import Parameters
 
 
 def test_a_branch_reports_every_point_and_then_its_stability():

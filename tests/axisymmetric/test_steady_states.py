@@ -15,7 +15,7 @@ from amoeboid.axisymmetric.steady import (
     strong_residual,
 )
 from amoeboid.axisymmetric.unknowns import resampled
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 NONE = np.zeros(0)

@@ -16,8 +16,8 @@ from amoeboid.axisymmetric.evolution import (
 )
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.integrators import Control
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 

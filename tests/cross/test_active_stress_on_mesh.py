@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from amoeboid.meshes.geometry import geometry
+from amoeboid.meshes.operators import block_matrix
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.geometry import geometry
-from amoeboid.surface.operators import block_matrix
 from amoeboid.theory.active_stress import Meridian, active_stress, principal_curvatures
 from surface.shapes import observed_orders, sphere
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation.loop import evolve, start
 from cross.scripts import script
 
 # Number in the table, and bounds on 642 nodes for (speed, c_front, c_rear, zeta0) in percent: about

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from amoeboid.axisymmetric.branches import steady_states
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.flow import Harmonics, max_retrograde_speed, rho_2, sphere_velocities
 from amoeboid.theory.linear import base_tension, critical_speed
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.meshes.geometry import area, mesh_quality
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed, polarity
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
-from amoeboid.surface.geometry import area, mesh_quality
+from amoeboid.simulation.loop import evolve, start
 from cross.spectral import OBSERVED, polarized
 
 

@@ -7,8 +7,8 @@ import pytest
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, follow
-from amoeboid.parameters import Parameters
 from amoeboid.theory.amplitude import at_threshold, bifurcation, cubic_coefficient
 from amoeboid.theory.branch import branch, prediction
 from amoeboid.theory.linear import critical_speed

@@ -6,9 +6,9 @@ import pytest
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import reduced_volume
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation.loop import evolve, start
 
 
 @pytest.mark.slow

@@ -12,13 +12,13 @@ import pytest
 from scipy.sparse import bsr_array
 from scipy.sparse.linalg import splu
 
-from amoeboid.numerics import cholesky
-from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.numerics.cholesky import BlockCholesky
-from amoeboid.numerics.dissection import dissected
+from amoeboid.meshes.geometry import geometry
+from amoeboid.meshes.operators import normal_blocks, stiffness
+from amoeboid.numerics.sparse import cholesky
+from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse.cholesky import BlockCholesky
+from amoeboid.numerics.sparse.dissection import dissected
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.geometry import geometry
-from amoeboid.surface.operators import normal_blocks, stiffness
 from surface.shapes import (
     dumbbell,
     irregular,
@@ -224,8 +224,8 @@ def test_the_first_cut_is_short_and_even():
 PROGRAM = """
 import warnings
 warnings.simplefilter("error")
-from amoeboid.numerics import cholesky, dissection
-from amoeboid.surface.mesh import connectivity, icosphere
+from amoeboid.numerics.sparse import cholesky, dissection
+from amoeboid.meshes.connectivity import connectivity, icosphere
 import numpy as np
 mesh = connectivity(icosphere(1)[1])
 blocks = np.einsum("p,ij->pij", 20.0 * (mesh.rows == mesh.columns) - 1.0, np.eye(3))

@@ -34,8 +34,8 @@ def test_kernels_compile_where_nothing_can_be_written():
     code = (
         "from numba.core.caching import CacheImpl\n"
         "CacheImpl._locator_classes = []\n"
-        "from amoeboid.surface.geometry import geometry\n"
-        "from amoeboid.surface.mesh import icosphere\n"
+        "from amoeboid.meshes.geometry import geometry\n"
+        "from amoeboid.meshes.connectivity import icosphere\n"
         "assert abs(geometry(*icosphere(1)).area - 11.666) < 1e-3\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)

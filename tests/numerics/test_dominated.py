@@ -5,13 +5,13 @@ import pytest
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from amoeboid.numerics import dominated
-from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.numerics.dominated import DominatedByDiagonal
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import geometry
+from amoeboid.meshes.geometry import geometry
+from amoeboid.meshes.operators import advection, stiffness
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.sparse import m_matrix_lu as dominated
+from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, stiffness
 from amoeboid.surface.transport import added_diffusion
 from surface.shapes import irregular, lumpy, octahedron, shuffled, tetrahedron
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.branch import flow_speed_at_threshold, steady_amplitude
 from amoeboid.theory.coupling import cubic_equations

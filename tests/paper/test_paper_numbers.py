@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Mesh, figure_3d, resolved
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import PAPER_CELL, in_unit, magnitude, to_simulation
 from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
 from amoeboid.theory.branch import next_steady_amplitude, prediction
 from amoeboid.theory.dimensionless import dimensionless, viscosity_ratio
 from amoeboid.theory.linear import critical_speed, finite_pressure_rates, thresholds
 from amoeboid.theory.monomers import ExponentialDecay, monomer_ratio, speed_coefficients
 from amoeboid.theory.points import infinite_pressure
-from amoeboid.units import PAPER_CELL, in_unit, magnitude, to_simulation
 
 ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"
 TABLE = Parameters()

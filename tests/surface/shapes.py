@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import area, face_vectors
-from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.model import Model, State
-from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.meshes.connectivity import connectivity
+from amoeboid.meshes.geometry import area, face_vectors
+from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.model.parameters import Parameters
+from amoeboid.surface.model import Model
 from amoeboid.surface.remeshing import remeshed
+from amoeboid.surface.state import State
 
 TETRAHEDRON = [(0, 1, 2), (0, 3, 1), (0, 2, 3), (1, 3, 2)]
 OCTAHEDRON = [

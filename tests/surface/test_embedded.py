@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Mesh, Time
+from amoeboid.meshes import intersections
+from amoeboid.meshes.geometry import LEAST_QUALITY, volume_centroid
+from amoeboid.meshes.intersections import embedded, intersecting_pair
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import mesh_quality, reduced_volume
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Diverged, evolve, start
-from amoeboid.surface import intersections
-from amoeboid.surface.geometry import volume_centroid
+from amoeboid.simulation.loop import Diverged, evolve, start
 from amoeboid.surface.initial import sphere as resting_sphere
-from amoeboid.surface.intersections import embedded, intersecting_pair
-from amoeboid.surface.stepping import LEAST_QUALITY, StepFailed, check_step
+from amoeboid.surface.stepping import StepFailed, check_step
 from surface.shapes import lumpy, sausage, sphere
 
 

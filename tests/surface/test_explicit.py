@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Initial
+from amoeboid.meshes.geometry import area_gradient, geometry, weighted_area_gradient
+from amoeboid.meshes.operators import block_matrix
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import filament_number, observed
-from amoeboid.parameters import Parameters
 from amoeboid.surface import explicit, initial
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.explicit import (
@@ -17,9 +19,8 @@ from amoeboid.surface.explicit import (
     lagrangian_rate,
 )
 from amoeboid.surface.force_balance import pressure_force, rigid_motions
-from amoeboid.surface.geometry import area_gradient, geometry, weighted_area_gradient
-from amoeboid.surface.model import Model, State
-from amoeboid.surface.operators import block_matrix
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import State
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step
 from surface.shapes import lumpy, observed_orders, sphere
 

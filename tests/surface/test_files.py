@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from amoeboid.surface import files
-from amoeboid.surface.files import FORMATS, surface_file
-from amoeboid.surface.geometry import face_vectors, volume
-from amoeboid.surface.imported import joined
+from amoeboid.meshes import files
+from amoeboid.meshes.checks import joined
+from amoeboid.meshes.files import FORMATS, surface_file
+from amoeboid.meshes.geometry import face_vectors, volume
 from amoeboid.validation import InvalidInput
 from surface.dialects import dialects, obj_text, ply_header, ply_text, stl_binary, stl_text
 from surface.written import cube, ellipsoid, write_surface

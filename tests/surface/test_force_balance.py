@@ -1,8 +1,19 @@
 import numpy as np
 import pytest
 
-from amoeboid.parameters import Parameters
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import area_gradient, geometry, volume, volume_centroid
+from amoeboid.meshes.operators import (
+    block_matrix,
+    normal_blocks,
+    normal_projection,
+    scalar_matrix,
+    stiffness,
+    tensile_stiffness,
+)
+from amoeboid.model.parameters import Parameters
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_stress
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.force_balance import (
     NORMAL_VISCOSITY,
     cortex,
@@ -12,19 +23,8 @@ from amoeboid.surface.force_balance import (
     rigid_motions,
     tension_force,
 )
-from amoeboid.surface.geometry import area_gradient, geometry, volume, volume_centroid
 from amoeboid.surface.initial import sphere
-from amoeboid.surface.mesh import icosphere
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import (
-    block_matrix,
-    normal_blocks,
-    normal_projection,
-    scalar_matrix,
-    stiffness,
-    tensile_stiffness,
-)
-from amoeboid.surface.stepping import flow_of
 from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
 

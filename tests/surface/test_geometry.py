@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from amoeboid.surface.geometry import (
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import (
     area,
     area_gradient,
     geometry,
@@ -11,8 +12,7 @@ from amoeboid.surface.geometry import (
     volume_centroid,
     weighted_area_gradient,
 )
-from amoeboid.surface.mesh import icosphere
-from amoeboid.surface.operators import (
+from amoeboid.meshes.operators import (
     block_matrix,
     block_product,
     mass,
@@ -22,7 +22,7 @@ from amoeboid.surface.operators import (
     scalar_matrix,
     stiffness,
 )
-from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import even_icosphere
 from surface.shapes import lumpy, observed_orders, sphere, volume_gradient
 
 

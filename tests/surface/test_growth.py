@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import geometry
+from amoeboid.meshes.geometry import geometry
+from amoeboid.model.parameters import Parameters
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
 from amoeboid.theory.linear import finite_pressure_rates, growth_rate

@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.surface.geometry import area, volume, volume_centroid
-from amoeboid.surface.imported import check_surface, merged, placed
-from amoeboid.surface.mesh import icosphere
+from amoeboid.meshes.checks import check_surface, merged, placed
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import area, volume, volume_centroid
 from amoeboid.validation import InvalidInput
 from surface.written import BAD, crossing, ellipsoid, flat, two_spheres, unused
 

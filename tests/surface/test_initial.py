@@ -7,15 +7,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from amoeboid.config import Config, Initial, Mesh, Time, resolved
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import area, geometry, volume_centroid
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.observables import observed
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import STEADY, evolve, start
-from amoeboid.store import write_frame
-from amoeboid.surface.geometry import area, geometry, volume_centroid
-from amoeboid.surface.harmonics import real_harmonic
+from amoeboid.output.folder import write_frame
+from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface.initial import initial_state, perturbed, sphere
-from amoeboid.surface.mesh import icosphere
-from amoeboid.surface.model import Model, State
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import State
+from amoeboid.surface.steadiness import STEADY
 from amoeboid.validation import InvalidInput
 from surface.shapes import observed_orders
 from surface.shapes import sphere as unit_sphere

@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from amoeboid.surface.intersections import GRID, _side_of_plane, intersecting_pair
-from amoeboid.surface.mesh import icosphere
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.intersections import GRID, _side_of_plane, intersecting_pair
 
 SMALL = st.integers(0, 4)
 POINT = st.tuples(SMALL, SMALL, SMALL)

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from amoeboid.surface.geometry import geometry, volume
-from amoeboid.surface.mesh import connectivity, icosphere
-from amoeboid.surface.relaxation import _settled, even_icosphere, relaxation
+from amoeboid.meshes.connectivity import connectivity, icosphere
+from amoeboid.meshes.geometry import geometry, volume
+from amoeboid.meshes.relaxation import _settled, even_icosphere, relaxation
 from amoeboid.validation import InvalidInput
 from surface.shapes import sphere
 

@@ -8,17 +8,19 @@ import pytest
 from scipy.linalg import eigh
 
 from amoeboid.config import Config, Mesh, Time
+from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
+from amoeboid.meshes.intersections import embedded
+from amoeboid.meshes.operators import block_matrix, normal_blocks, normal_projection, stiffness
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed, reduced_volume
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Step, evolve, start
+from amoeboid.simulation.loop import Step, evolve, start
 from amoeboid.surface import force_balance, stepping
 from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.force_balance import NORMAL_VISCOSITY, rigid_motions
-from amoeboid.surface.geometry import area, geometry, mesh_quality, volume_centroid
-from amoeboid.surface.intersections import embedded
-from amoeboid.surface.model import Model, State
-from amoeboid.surface.operators import block_matrix, normal_blocks, normal_projection, stiffness
-from amoeboid.surface.stepping import StepFailed, flow_of, semi_implicit_step
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import State
+from amoeboid.surface.stepping import StepFailed, semi_implicit_step
 from surface.shapes import dumbbell, sphere, three_lobed
 
 SHAPES = {"dumbbell": dumbbell, "three lobes": lambda s: three_lobed(s, 0.2)}

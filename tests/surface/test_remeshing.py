@@ -7,28 +7,37 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from amoeboid import simulation
 from amoeboid.config import Config, Initial, Mesh, Time
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Step, evolve, start
-from amoeboid.surface import mesh_changes, remeshing
-from amoeboid.surface.geometry import (
+from amoeboid.meshes import remeshing
+from amoeboid.meshes import topology as mesh_changes
+from amoeboid.meshes.connectivity import connectivity
+from amoeboid.meshes.geometry import (
     area,
+    equilateral_edge_length,
     geometry,
     mesh_quality,
     volume,
     volume_centroid,
 )
+from amoeboid.meshes.remeshing import EDGE_CHANGE, TOO_LONG, distortion, swept, transferred
+from amoeboid.meshes.topology import LONGEST, SHORTEST, collapses, edges, flips, splits
+from amoeboid.model.parameters import Parameters
+from amoeboid.simulation import loop as simulation
+from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import perturbed, sphere
-from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.mesh_changes import LONGEST, SHORTEST, collapses, edges, flips, splits
-from amoeboid.surface.model import Model, State, even_edge_length
-from amoeboid.surface.remeshing import EDGE_CHANGE, OVERLONG, carried, disorder, due, remeshed
-from amoeboid.surface.stepping import flow_of, semi_implicit_step, starting_step
+from amoeboid.surface.model import Model
+from amoeboid.surface.remeshing import due, remeshed
+from amoeboid.surface.stepping import semi_implicit_step, starting_step
 from surface.orders import measured_orders
 from surface.shapes import sphere as unit_sphere
 
 SOFT = Parameters(D=0.4, v_p0=6.0, delta_P=3.0)
+
+
+def carried(state, faces, change):
+    r, c = transferred(state.r, state.c, faces, change)
+    return replace(state, r=r, c=c, turning=None)
 
 
 def stretched(factor, subdivisions=2, seed=0):
@@ -63,12 +72,12 @@ def test_a_mesh_is_changed_late_and_then_thoroughly():
     r = rest.r * [2.0, 1.0, 1.0]
     r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
     lengths = edges(r, model.mesh.faces).length / model.edge_length
-    assert LONGEST < lengths.max() < OVERLONG
+    assert LONGEST < lengths.max() < TOO_LONG
     model_kept, _ = remeshed(model, replace(rest, r=r))
     assert model_kept is model
     r *= [1.5, 1.0, 1.0]
     r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
-    assert edges(r, model.mesh.faces).length.max() / model.edge_length > OVERLONG
+    assert edges(r, model.mesh.faces).length.max() / model.edge_length > TOO_LONG
     new, state = remeshed(model, replace(rest, r=r))
     assert new is not model
     assert edge_lengths(new, state).max() < 1.1 * LONGEST
@@ -100,9 +109,9 @@ def test_flips_make_room_for_the_collapses_that_were_refused():
         model, state = stretched(2.2, seed=seed)
         new, now = remeshed(model, state)
         lengths = edge_lengths(new, now)
-        print(seed, np.mean(lengths < SHORTEST), disorder(now.r, new.mesh.faces, new.edge_length))
+        print(seed, np.mean(lengths < SHORTEST), distortion(now.r, new.mesh.faces, new.edge_length))
         assert np.mean(lengths < SHORTEST) < 0.01
-        assert disorder(now.r, new.mesh.faces, new.edge_length) < 0.9
+        assert distortion(now.r, new.mesh.faces, new.edge_length) < 0.9
 
 
 def test_every_change_keeps_the_filaments_exactly_and_the_rest_untouched():
@@ -161,9 +170,9 @@ def test_a_mesh_changes_for_the_better_or_not_at_all():
     for factor in np.linspace(1.8, 3.5, 18):
         model, state = stretched(factor, subdivisions=2, seed=int(10 * factor))
         for _ in range(4):
-            worst = disorder(state.r, model.mesh.faces, model.edge_length)
+            worst = distortion(state.r, model.mesh.faces, model.edge_length)
             new, state = remeshed(model, state)
-            left = disorder(state.r, new.mesh.faces, new.edge_length)
+            left = distortion(state.r, new.mesh.faces, new.edge_length)
             if new is model:
                 break
             changed += 1
@@ -238,7 +247,7 @@ def ends_through_a_change(counts):
             history = (state, *history[:2])
         other = Model(model.parameters, connectivity(change.faces), model.edge_length)
         state = carried(state, model.mesh.faces, change)
-        swelling = remeshing._swelling(state.r, change.faces, model.A0)
+        swelling = remeshing._area_correction(state.r, change.faces, model.A0)
         state, _, _ = starting_step(other, replace(state, r=state.r + swelling), dt, None, 1e-7)
         history = (state,)
         for _ in range(n - 1):
@@ -292,11 +301,11 @@ def needle(subdivisions=3, aspect=20.0):
 def test_a_strongly_stretched_mesh_is_put_in_order_in_more_than_one_sweep():
     """Twenty times as long as wide: one sweep makes it worse, another one better than it was."""
     model, state = needle()
-    one, faces = remeshing.swept(state, model.mesh.faces, model.edge_length)
-    old = disorder(state.r, model.mesh.faces, model.edge_length)
-    assert disorder(one.r, faces, model.edge_length) > old > 6
+    one, _, faces = swept(state.r, state.c, model.mesh.faces, model.edge_length)
+    old = distortion(state.r, model.mesh.faces, model.edge_length)
+    assert distortion(one, faces, model.edge_length) > old > 6
     new, now = remeshed(model, state)
-    assert disorder(now.r, new.mesh.faces, new.edge_length) < 0.3 * old
+    assert distortion(now.r, new.mesh.faces, new.edge_length) < 0.3 * old
     assert len(now.r) < 1.2 * len(state.r)
     assert filaments(new, now) == pytest.approx(filaments(model, state), rel=1e-13)
     assert area(now.r, new.mesh.faces) == pytest.approx(model.A0, rel=1e-13)
@@ -346,11 +355,10 @@ def test_a_triangle_folded_over_its_neighbor_is_mended():
     beyond = e.d[edge] if e.c[edge] == a else e.c[edge]
     r[a] = 0.4 * r[b] + 0.6 * r[c]
     r[a] += 1e-4 * (r[beyond] - r[a])
-    h = even_edge_length(area(r, mesh.faces), len(mesh.faces))
+    h = equilateral_edge_length(area(r, mesh.faces), len(mesh.faces))
     assert mesh_quality(r, mesh.faces) < 0.01
-    state = State(0.0, r, np.ones(len(r)), 0.0, np.zeros(3))
-    new, faces = remeshing.swept(state, mesh.faces, h)
-    assert disorder(new.r, faces, h) < 1.0
+    new, _, faces = swept(r, np.ones(len(r)), mesh.faces, h)
+    assert distortion(new, faces, h) < 1.0
 
 
 def test_remeshing_takes_less_time_than_a_few_steps():

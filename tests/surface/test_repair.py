@@ -7,15 +7,20 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkFlyingEdges3D
 
 from amoeboid.config import Config, Initial, Mesh, resolved
-from amoeboid.parameters import Parameters
-from amoeboid.surface import repair
-from amoeboid.surface.geometry import area, mesh_quality, volume, volume_centroid
-from amoeboid.surface.imported import check_surface, joined
+from amoeboid.meshes import repair
+from amoeboid.meshes.checks import check_surface, joined
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import (
+    area,
+    equilateral_edge_length,
+    mesh_quality,
+    volume,
+    volume_centroid,
+)
+from amoeboid.meshes.remeshing import distortion
+from amoeboid.meshes.repair import repaired
+from amoeboid.model.parameters import Parameters
 from amoeboid.surface.initial import initial_condition
-from amoeboid.surface.mesh import icosphere
-from amoeboid.surface.model import even_edge_length
-from amoeboid.surface.remeshing import disorder
-from amoeboid.surface.repair import repaired
 from amoeboid.validation import InvalidInput
 from surface.written import (
     crossing,
@@ -95,7 +100,7 @@ def test_repair_knows_no_unit():
 
 
 def own_disorder(r, faces):
-    return disorder(r, faces, even_edge_length(area(r, faces), len(faces)))
+    return distortion(r, faces, equilateral_edge_length(area(r, faces), len(faces)))
 
 
 def soup(r, faces, rng, digits):

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import geometry, volume_centroid
+from amoeboid.meshes.connectivity import connectivity, icosphere
+from amoeboid.meshes.geometry import geometry, volume_centroid
+from amoeboid.model.parameters import Parameters
 from amoeboid.surface.initial import sphere
-from amoeboid.surface.mesh import connectivity, icosphere
 from amoeboid.surface.rigid import (
     changes,
     gradient,

@@ -6,24 +6,26 @@ from functools import cache
 import numpy as np
 import pytest
 
-from amoeboid import simulation
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.meshes.geometry import geometry, volume_centroid
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import PAPER_CELL, to_simulation
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation import loop as simulation
+from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import rigid, stability, stepping
-from amoeboid.surface.geometry import geometry, volume_centroid
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.linearized import LinearizedStep
-from amoeboid.surface.model import Model, State
+from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import gradient
 from amoeboid.surface.stability import Growth, RestrictedStep, leading_growth_rate
-from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.surface.state import State
+from amoeboid.surface.stepping import semi_implicit_step
 from amoeboid.theory.linear import growth_rate
-from amoeboid.units import PAPER_CELL, to_simulation
 from surface.shapes import observed_orders
 
 STIFF = Parameters(D=0.4, v_p0=6.0)

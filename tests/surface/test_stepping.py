@@ -7,21 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.meshes.connectivity import connectivity
+from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
+from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.multistep import extrapolated
 from amoeboid.numerics.passes import Pass
 from amoeboid.observables import filament_number, observed
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.geometry import area, geometry, mesh_quality, volume_centroid
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import perturbed, sphere
-from amoeboid.surface.mesh import connectivity
-from amoeboid.surface.model import Model, State
-from amoeboid.surface.relaxation import even_icosphere
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import State
 from amoeboid.surface.stepping import (
     StepFailed,
     difference,
-    flow_of,
     foreseen,
     local_error,
     semi_implicit_step,

@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.parameters import Parameters
-from amoeboid.surface.geometry import geometry
+from amoeboid.meshes.geometry import geometry
+from amoeboid.meshes.operators import advection, mass, scalar_matrix, stiffness
+from amoeboid.model.parameters import Parameters
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, mass, scalar_matrix, stiffness
 from amoeboid.surface.transport import (
     added_diffusion,
     diffusive_loss,

@@ -9,12 +9,13 @@ import pytest
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
+from amoeboid.meshes.geometry import volume_centroid
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import cortex_drag_velocity
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import Step, evolve, start
-from amoeboid.surface.geometry import volume_centroid
+from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.stability import leading_growth_rate
-from amoeboid.surface.stepping import flow_of, semi_implicit_step
+from amoeboid.surface.stepping import semi_implicit_step
 
 # In units of R0 and 1/beta: a relative equilibrium found with spherical harmonics, without a mesh.
 CIRCLES = Parameters(D=0.4, v_p0=8.0, delta_P=20.0)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Initial, Mesh
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import components, observed
-from amoeboid.parameters import Parameters
-from amoeboid.simulation import evolve, start
+from amoeboid.simulation.loop import evolve, start
 
 # One simulation unit of length, time, mass and number of filaments in other units. All are far
 # from powers of two, so that nothing agrees by chance of rounding.

@@ -8,7 +8,7 @@ from vtkmodules.vtkIOGeometry import vtkOBJWriter, vtkSTLWriter
 from vtkmodules.vtkIOPLY import vtkPLYWriter
 from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-from amoeboid.surface.mesh import icosphere
+from amoeboid.meshes.connectivity import icosphere
 
 WRITERS = {
     "stl": vtkSTLWriter,

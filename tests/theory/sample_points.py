@@ -3,7 +3,7 @@
 import numpy as np
 
 import theory.shell_equations as model
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 
 OWN_LAW = "v_p0*(1 + 0.3*c/c_r)*exp(-0.8*c/c_r) + 0.05*v_p0/(1 + (c/c_r)**2)"
 LAWS = ("exponential", "inverse", OWN_LAW, "v_p0/(1 + c/c_r)")

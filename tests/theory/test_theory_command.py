@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from amoeboid.cli.main import main
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.linear import critical_speed, thresholds
 
 CONTRACT = {

@@ -1,7 +1,7 @@
 import pytest
 import sympy as sp
 
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
 from amoeboid.theory.dimensionless import (
     dimensionless,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.amplitude import (
     at_threshold,
     bifurcation,

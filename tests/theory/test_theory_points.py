@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import amoeboid.theory.points as points_module
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.branch import prediction
 from amoeboid.theory.linear import (

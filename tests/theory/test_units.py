@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
+from amoeboid.model.units import PAPER_CELL, in_unit, magnitude, to_physical, to_simulation
 from amoeboid.theory.linear import critical_speed, growth_rate
-from amoeboid.units import PAPER_CELL, in_unit, magnitude, to_physical, to_simulation
 from amoeboid.validation import InvalidInput
 
 AVOGADRO = 6.02214076e23

@@ -7,10 +7,8 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
-from numpy.typing import NDArray
-
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.paths import steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch
 from amoeboid.axisymmetric.stability import (
@@ -20,11 +18,9 @@ from amoeboid.axisymmetric.stability import (
     neutral_rate,
 )
 from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import finer
 from amoeboid.numerics.continuation import Options, Point, Stalled, located
-from amoeboid.parameters import Parameters
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

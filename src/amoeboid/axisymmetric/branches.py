@@ -6,9 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import accumulate
-from typing import Any
-
-from numpy.typing import NDArray
 
 from amoeboid.axisymmetric.bifurcations import (
     BranchPoint,
@@ -34,9 +31,9 @@ from amoeboid.axisymmetric.states import (
     steady_states,
 )
 from amoeboid.axisymmetric.steady import MODES, SteadyState, SteadySystem
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled, through
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 __all__ = [
@@ -51,7 +48,6 @@ __all__ = [
     "steady_states",
 ]
 
-Array = NDArray[Any]
 
 MAX_EXCURSION = {"v_p0": 1.25}
 """How far a branch that moves away is followed outside the window, as a factor; 2 for others."""

@@ -16,8 +16,8 @@ from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, Point, at_distance
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 DISTANCE = 0.06

@@ -15,8 +15,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric import observables
 from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
 from amoeboid.axisymmetric.shape import Shape, shape
@@ -30,13 +30,11 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 TAIL = 1e-9
 FIRST_STEP, MIN_STEP = 1e-3, 1e-12

@@ -7,14 +7,10 @@ towards x = pi), normal velocity V and polymerization speed v_p.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.shape import Shape
-
-Array = NDArray[Any]
 
 # Points of the grid that is searched for an extremum, per coefficient of a series.
 POINTS_PER_MODE = 16

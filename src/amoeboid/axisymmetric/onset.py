@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
 from scipy.optimize import brentq, minimize_scalar
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.stability import sphere_block
 from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import COMPLEX_STEP, Options, Point, started
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 LARGEST_SPEED = 1e12
 """Thresholds in v_p0 are sought up to this many times D/R0 + beta R0."""

@@ -10,15 +10,15 @@ from __future__ import annotations
 from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import departure, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import (
     Options,
@@ -30,10 +30,7 @@ from amoeboid.numerics.continuation import (
     located,
     slope_row,
 )
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 NOTHING = 1e-9
 """Deviations from symmetry below this fraction are rounding."""

@@ -12,8 +12,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.criticality import critical_values
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.paths import Path, Window, asymmetry, steady_state_at
@@ -21,14 +21,12 @@ from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
 from amoeboid.axisymmetric.states import Rising
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, arcs, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 REST, POLARIZED, BISTABLE, NEITHER, UNRESOLVED = range(5)
 AT_TIP = 1e-3

@@ -17,19 +17,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.dimensions import natural_units
+from amoeboid.model.dimensions import natural_units
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.newton import solve
-from amoeboid.parameters import Parameters
 from amoeboid.theory.linear import finite_pressure_rates
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
 MAX_GROWING = 100

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, overload
+from typing import overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.onset import departure, onset_speeds
@@ -17,13 +16,11 @@ from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled
 from amoeboid.numerics.integrators import StepTooSmall
-from amoeboid.parameters import Parameters
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 MAX_FAR_MODES = 128
 """Modes beyond which a branch is given up that is still far from the speed asked for."""

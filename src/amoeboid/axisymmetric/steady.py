@@ -15,8 +15,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric import observables
 from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
 from amoeboid.axisymmetric.shape import Shape, shape
@@ -28,12 +28,10 @@ from amoeboid.axisymmetric.unknowns import (
     resampled,
     split,
 )
-from amoeboid.dimensions import Units, in_units
+from amoeboid.model.dimensions import Units, in_units
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
-from amoeboid.parameters import Parameters
-
-Array = NDArray[Any]
 
 MODES = 32
 MAX_MODES = 256

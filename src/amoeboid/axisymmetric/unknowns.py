@@ -11,12 +11,10 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.numerics.derivatives import Dual
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from amoeboid.validation import InvalidInput
 if TYPE_CHECKING:
     from amoeboid.axisymmetric.branches import Branch, BranchPoint
     from amoeboid.axisymmetric.progress import Watch
-    from amoeboid.parameters import Parameters
+    from amoeboid.model.parameters import Parameters
 
 INCOMPLETE = 1
 VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "v_p0", "alpha")

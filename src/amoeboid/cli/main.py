@@ -12,8 +12,8 @@ from importlib import import_module
 from typing import Any
 
 from amoeboid.cli import output
+from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED, USER_MISTAKE
 from amoeboid.cli.output import tell, warnings_told
-from amoeboid.cli.program import FAILURE, INTERRUPTED
 from amoeboid.validation import InvalidInput
 
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
@@ -24,7 +24,6 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
-    "bench": "timings of the 3D solver: by size, against the explicit scheme, against a peer",
 }
 
 # What the system says of a path that leads nowhere; a full disk, for one, is nobody's mistake.
@@ -38,8 +37,6 @@ MISTAKEN_PATH = {
     errno.ELOOP,
     errno.EROFS,
 }
-
-USER_MISTAKE = 2
 
 
 def main(argv: Sequence[str] | None = None) -> int:

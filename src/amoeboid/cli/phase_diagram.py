@@ -16,7 +16,7 @@ from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from amoeboid.axisymmetric.phase_diagram import PhaseDiagram
-    from amoeboid.parameters import Parameters
+    from amoeboid.model.parameters import Parameters
 
 VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "alpha")
 LARGEST_GRID = 500
@@ -97,7 +97,7 @@ def windows(args: argparse.Namespace, p: Parameters) -> tuple[list[float], list[
     What is not given is that of the paper's table in units of this cell: D in beta R0^2, v_p0 in
     proportion to its threshold. Raises InvalidInput where there is no such unit.
     """
-    from amoeboid.parameters import Parameters
+    from amoeboid.model.parameters import Parameters
     from amoeboid.theory.linear import critical_speed
 
     wanted = [args.low, args.high]

@@ -7,9 +7,10 @@ import signal
 from contextlib import suppress
 from types import FrameType
 
+from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED
+
 # KeyboardInterrupt in the middle of their work is lost (in a callback), or crashes the compiler.
 NOT_TO_BE_INTERRUPTED = {"importlib", "numba", "llvmlite"}
-FAILURE, INTERRUPTED = 1, 130
 
 
 def program() -> int:

@@ -12,9 +12,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn
-from amoeboid.cli.program import INTERRUPTED
 from amoeboid.cli.progress import shown_line
 from amoeboid.cli.settings import add_settings, field_table, print_json
 from amoeboid.cli.tables import number, table, width
@@ -22,8 +22,8 @@ from amoeboid.config import Config, anchored, config_from_toml, shortest_step, w
 from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
-    from amoeboid.simulation import Step
-    from amoeboid.store import Run
+    from amoeboid.output.folder import Run
+    from amoeboid.simulation.loop import Step
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED = 0, 1
@@ -135,8 +135,8 @@ def _change(summary: dict[str, Any], why: str, t: float) -> str:
 
 
 def _started(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.simulation import start
-    from amoeboid.store import new_folder, new_run, text_of
+    from amoeboid.output.folder import new_folder, new_run, text_of
+    from amoeboid.simulation.loop import start
 
     config = Config()
     if args.config is not None:
@@ -160,7 +160,7 @@ def _tell_adaptation(first: Step, as_json: bool) -> None:
 
 
 def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.store import has_checkpoint, restarted_run, resumed_run, stored_config
+    from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
 
     config = with_settings(stored_config(args.resume), args.settings)
     if not has_checkpoint(args.resume):
@@ -187,7 +187,7 @@ def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
 
 def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
     """Step until the end; returns the last good step, the status and why it ended."""
-    from amoeboid.simulation import Diverged, evolve
+    from amoeboid.simulation.loop import Diverged, evolve
 
     last, status, why = first, "finished", ""
     if not run.frame_times:
@@ -261,9 +261,9 @@ def _duration(seconds: float) -> str:
 
 
 def _draw(run: Run, last: Step) -> None:
+    from amoeboid.output.folder import POSITION
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
-    from amoeboid.store import POSITION
 
     times = [row["t"] for row in run.rows]
     positions = [[row[k] for k in POSITION] for row in run.rows]

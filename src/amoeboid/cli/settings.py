@@ -10,7 +10,7 @@ from typing import Any
 
 from amoeboid.cli.output import say
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput, rule
 
 ANY_FIELD = " or any other field of the configuration (time.end=50)"
@@ -67,8 +67,8 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
         if dot and section != "parameters":
             with_settings(start, [setting])  # what is no field at all is refused as such
             raise InvalidInput(
-                f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` and "
-                "`bench` use it; leave it out"
+                f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` uses "
+                "it; leave it out"
             )
     return with_settings(start, args.settings).parameters
 

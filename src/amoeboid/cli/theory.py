@@ -11,7 +11,7 @@ from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
-    from amoeboid.dimensions import Units
+    from amoeboid.model.dimensions import Units
     from amoeboid.theory.summary import Summary
 
 # Dimension and physical unit of what is printed; a key that is missing has no dimension.
@@ -55,7 +55,7 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.theory.summary import summary
 
     if args.physical:
-        from amoeboid.units import PAPER_CELL, to_simulation
+        from amoeboid.model.units import PAPER_CELL, to_simulation
 
         given = _quantities(args.settings)
         p, units = to_simulation(given)
@@ -137,7 +137,7 @@ def _result(s: Summary) -> dict[str, Any]:
 
 
 def _in_physical_units(result: dict[str, Any], units: Units) -> dict[str, Any]:
-    from amoeboid.units import in_unit
+    from amoeboid.model.units import in_unit
 
     def converted(value: Any, dimension: str, unit: str) -> Any:
         if isinstance(value, dict):

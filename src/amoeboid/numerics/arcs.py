@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from amoeboid.arrays import Array
 from amoeboid.numerics.continuation import (
     Options,
     Point,
@@ -27,8 +27,6 @@ from amoeboid.numerics.continuation import (
     slope,
     slope_row,
 )
-
-Array = NDArray[Any]
 
 MAX_EVALUATIONS = 80
 ROUNDING = float(np.finfo(float).eps)

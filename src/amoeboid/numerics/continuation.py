@@ -11,17 +11,15 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from amoeboid.arrays import Array
 from amoeboid.numerics.newton import newton, solve
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 COMPLEX_STEP = 1e-40
 

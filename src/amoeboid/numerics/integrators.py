@@ -13,11 +13,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 GAMMA = 0.25
 STAGES = (

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[Any]
 
 Residual = Callable[[Array], Array]
 Jacobian = Callable[[Array], tuple[Array, Array]]

@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from amoeboid.arrays import Array
 
 # Longest step back or ahead, in units of the last change of G(x).
 LONGEST = 1.0

@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from amoeboid.arrays import Array
 
 # Most directions kept, and most new ones for one right-hand side.
 MAX_KEPT, MAX_NEW = 240, 80

@@ -8,14 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
 from amoeboid.numerics.continuation import COMPLEX_STEP, System, parameter_derivative
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True)

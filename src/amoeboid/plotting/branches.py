@@ -14,7 +14,7 @@ import numpy as np
 from amoeboid.axisymmetric.branches import Branch, BranchPoint
 from amoeboid.axisymmetric.phase_diagram import REGIONS, PhaseDiagram
 from amoeboid.axisymmetric.steady import SteadyState
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 STABLE, UNSTABLE, MARK, EDGE = "#0b6e99", "#c8553d", "#222222", "#6b4fa0"

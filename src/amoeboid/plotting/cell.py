@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
+from amoeboid.output.folder import write_atomically
 from amoeboid.plotting import cell_process
-from amoeboid.simulation import Step
-from amoeboid.store import write_atomically
-from amoeboid.surface.geometry import volume_centroid
+from amoeboid.simulation.loop import Step
 
 MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
 MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from amoeboid.arrays import Array
+
 Scene = dict[str, NDArray[Any]]
 
 COLOR_MAP = "YlGnBu"

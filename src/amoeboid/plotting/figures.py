@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from amoeboid.store import write_atomically
+from amoeboid.output.folder import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

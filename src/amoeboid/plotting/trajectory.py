@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from amoeboid.arrays import Array
 from amoeboid.plotting.figures import new_figure, own_settings, write_figure
-
-Array = NDArray[np.float64]
 
 MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
 INK, MUTED = "#1b1b1b", "#7a7a7a"

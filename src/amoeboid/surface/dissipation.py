@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
+from amoeboid.meshes.connectivity import Connectivity
+from amoeboid.meshes.geometry import Geometry
 from amoeboid.numerics.compiled import compiled
-from amoeboid.surface.geometry import Geometry
-from amoeboid.surface.mesh import Connectivity
-
-Array = NDArray[np.float64]
 
 
 def dissipation_blocks(g: Geometry, mesh: Connectivity, eta_s: float, eta_b: float) -> Array:

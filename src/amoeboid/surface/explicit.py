@@ -16,12 +16,9 @@ equilibrium. The stiff shape modes limit the step: to less than 1e-4 on
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from amoeboid.numerics.conjugate_gradients import constrained_minimum
-from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.force_balance import pressure_force, rigid_motions
-from amoeboid.surface.geometry import (
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import (
     Geometry,
     area,
     area_gradient,
@@ -31,12 +28,14 @@ from amoeboid.surface.geometry import (
     volume_centroid,
     weighted_area_gradient,
 )
-from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.operators import advection, scalar_matrix, stiffness
-from amoeboid.surface.relaxation import relaxation
+from amoeboid.meshes.operators import advection, scalar_matrix, stiffness
+from amoeboid.meshes.relaxation import relaxation
+from amoeboid.numerics.conjugate_gradients import constrained_minimum
+from amoeboid.surface.dissipation import dissipation_blocks
+from amoeboid.surface.force_balance import pressure_force, rigid_motions
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed, check_step
-
-Array = NDArray[np.float64]
 
 # Share of the way to the middle of their triangles that nodes go in one unit of model.rate: twice
 # that of the semi-implicit scheme, as there is no remeshing to help. Steady states do not depend on

@@ -26,12 +26,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from amoeboid.numerics.banded import Factor, SingularMatrix
-from amoeboid.numerics.compiled import compiled
-from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
-from amoeboid.surface.geometry import (
+from amoeboid.arrays import Array, Index
+from amoeboid.meshes.geometry import (
     Geometry,
     area_centroid,
     area_gradient,
@@ -39,9 +36,7 @@ from amoeboid.surface.geometry import (
     volume_centroid,
     weighted_area_gradient,
 )
-from amoeboid.surface.mesh import Index
-from amoeboid.surface.model import Model
-from amoeboid.surface.operators import (
+from amoeboid.meshes.operators import (
     block_product,
     normal_blocks,
     normal_projection,
@@ -49,9 +44,11 @@ from amoeboid.surface.operators import (
     stiffness,
     tensile_stiffness,
 )
+from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.sparse.banded import Factor, SingularMatrix
+from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
+from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import spin
-
-Array = NDArray[np.float64]
 
 # Rigid modes have no stiffness; a friction with this share of the viscosity, spread over an area
 # R0^2, makes the matrix regular. The constraints on translation and rotation then decide on these

@@ -5,24 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array, Index
 from amoeboid.config import SHORTEST_STEP, Config, Initial
-from amoeboid.numerics.banded import SingularMatrix
-from amoeboid.parameters import Parameters
-from amoeboid.surface.files import surface_file
-from amoeboid.surface.geometry import area, volume_centroid
-from amoeboid.surface.harmonics import real_harmonic
-from amoeboid.surface.imported import Repairable, check_size, check_surface, joined, placed
-from amoeboid.surface.mesh import Index, connectivity, narrow_numbering
-from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.relaxation import even_icosphere
-from amoeboid.surface.repair import repaired
-from amoeboid.surface.stepping import StepFailed, flow_of, relaxed
+from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined, placed
+from amoeboid.meshes.connectivity import connectivity, narrow_numbering
+from amoeboid.meshes.files import surface_file
+from amoeboid.meshes.geometry import area, volume_centroid
+from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.repair import repaired
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.spherical_harmonics import real_harmonic
+from amoeboid.surface.equilibrium import flow_of, relaxed
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import Flow, State
+from amoeboid.surface.stepping import StepFailed
 from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[np.float64]
 
 ROUNDING = 1e-12
 # A surface scaled by a factor closer to 1 than single precision tells counts as not scaled.

@@ -14,16 +14,15 @@ they do in a run: a mesh at rest would hold or drive a cell that is about to tur
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
 from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import cortex, force_balance
-from amoeboid.surface.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
-from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import turning_rate
+from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import exchanged, implicit_matrix
-
-Array = NDArray[np.float64]
 
 # Largest disturbance: small against what is not linear, large against rounding.
 AMPLITUDE = 1e-6

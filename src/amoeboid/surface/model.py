@@ -9,18 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.numerics.cholesky import BlockCholesky
-from amoeboid.numerics.dominated import DominatedByDiagonal
-from amoeboid.parameters import Parameters
-from amoeboid.surface.mesh import Connectivity
+from amoeboid.meshes.connectivity import Connectivity
+from amoeboid.meshes.geometry import equilateral_edge_length
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.sparse.cholesky import BlockCholesky
+from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
 from amoeboid.theory.linear import growth_rate
-
-Array = NDArray[np.float64]
-
-
-def even_edge_length(area: float, n_faces: int) -> float:
-    """Edge length [L] of `n_faces` equilateral triangles of a total area."""
-    return math.sqrt(4.0 * area / (math.sqrt(3.0) * n_faces))
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,8 +31,8 @@ class Model:
 
     def __post_init__(self) -> None:
         if self.edge_length == 0.0:
-            even = even_edge_length(self.A0, len(self.mesh.faces))
-            object.__setattr__(self, "edge_length", even)
+            length = equilateral_edge_length(self.A0, len(self.mesh.faces))
+            object.__setattr__(self, "edge_length", length)
 
     @property
     def A0(self) -> float:
@@ -77,41 +71,3 @@ class Model:
     def diagonal(self) -> NDArray[np.int64]:
         """Places of the diagonal in the pattern of the mesh (V,)."""
         return np.flatnonzero(self.mesh.rows == self.mesh.columns)
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
-
-    The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has come
-    if all drag is on the cortex, uniformly: in the frame where the mean cortex velocity vanishes.
-    `turning` (3,) [1/T]: the rate at which shape and concentration turn, in axes that do not; None
-    where no step on this mesh has led here.
-    """
-
-    t: float
-    r: Array
-    c: Array
-    zeta0: float
-    position: Array
-    turning: Array | None = None
-
-
-@dataclass(frozen=True, eq=False)
-class Flow:
-    """Velocities at the nodes (V, 3) in the frame of the nodes, and the tension with them.
-
-    v_c cortex velocity, v_p polymerization velocity; v = v_c + v_p moves the shape. `normals`
-    (V, 3) outward, `node_areas` (V,) their share of the area.
-    """
-
-    v_c: Array
-    v_p: Array
-    zeta0: float
-    normals: Array
-    node_areas: Array
-
-    @property
-    def v(self) -> Array:
-        """Full velocity v = v_c + v_p."""
-        return self.v_c + self.v_p

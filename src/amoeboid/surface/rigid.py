@@ -5,21 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from amoeboid.numerics.compiled import compiled
-from amoeboid.surface.geometry import (
+from amoeboid.arrays import Array
+from amoeboid.meshes.connectivity import Connectivity
+from amoeboid.meshes.geometry import (
     Geometry,
     area_gradient,
     scatter,
     volume_centroid,
 )
-from amoeboid.surface.mesh import Connectivity
+from amoeboid.meshes.operators import mass, product
+from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import mass, product
 from amoeboid.surface.transport import rate_of_change
-
-Array = NDArray[np.float64]
 
 # Mean square of what a rotation must change, c relative to c0 + c or r.n to R0, for the cell to
 # count as one that can turn around that axis.

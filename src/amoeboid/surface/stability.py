@@ -24,17 +24,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
 from amoeboid.numerics.arnoldi import ritz_values
-from amoeboid.numerics.banded import SingularMatrix
 from amoeboid.numerics.recycling import NoConvergence
-from amoeboid.surface.geometry import Geometry, volume_centroid, weighted_area_gradient
-from amoeboid.surface.harmonics import real_harmonic
+from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
-from amoeboid.surface.model import Flow, Model, State
+from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import changes, gradient, rotations, translations
+from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
-
-Array = NDArray[np.float64]
 
 # Length of the step in units of 1/model.rate, and the shares of it that are tried in turn where
 # its equations cannot be solved. Modes of shorter steps lie closer together.

@@ -14,12 +14,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
-from amoeboid.numerics.passes import Pass, left_to_come, overshoot
-from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
-from amoeboid.surface.geometry import (
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import (
+    LEAST_QUALITY,
     Geometry,
     area_along,
     face_vectors,
@@ -29,18 +27,18 @@ from amoeboid.surface.geometry import (
     normal_part,
     volume_centroid,
 )
-from amoeboid.surface.intersections import embedded
-from amoeboid.surface.model import Flow, Model, State
-from amoeboid.surface.relaxation import relaxation
+from amoeboid.meshes.intersections import embedded
+from amoeboid.meshes.relaxation import relaxation
+from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
+from amoeboid.numerics.passes import Pass, left_to_come, overshoot
+from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
+from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import spin, turned, turning_rate
+from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import transported
-
-Array = NDArray[np.float64]
 
 AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
-# A mesh with worse triangles than this (1 is equilateral) is no longer a discretization.
-LEAST_QUALITY = 0.02
 # Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
 # it in one step.
 MESH_RELAXATION = 1.0
@@ -53,10 +51,6 @@ NO_CHANGE = 1e-9
 MOST_PASSES = 15
 # So many passes are made with one factorization; every later one has its own, where the shape is.
 PATIENCE = 6
-# Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
-RELAXATION_STEP = 100.0
-# Normal speed, in units of rate R0, of a shape that counts as resting.
-RESTING = 1e-3
 
 
 class StepFailed(ArithmeticError):
@@ -97,7 +91,7 @@ def semi_implicit_step(
             near = cortex(model, r, g, implicit, zeta0, v_c)
         solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c, turns)
         start = r_known + implicit * drift
-        r_new, zeta0 = _area_preserving_move(model, start, g, solution, implicit, zeta0)
+        r_new, zeta0 = area_preserving_move(model, start, g, solution, implicit, zeta0)
         v = solution.v(zeta0)
         v_c = v - solution.v_p
         whole = spin(turns, r - volume_centroid(r, model.mesh.faces))
@@ -305,46 +299,7 @@ def _position(model: Model, past: Sequence[State], t: float, r: Array, flow: Flo
     return np.asarray(frame + volume_centroid(r, faces))
 
 
-def flow_of(model: Model, state: State, dt: float) -> Flow:
-    """The flow in `state`, with the tension that keeps the area over the next dt."""
-    g = geometry(state.r, model.mesh.faces)
-    near = cortex(model, state.r, g, dt, state.zeta0)
-    solution = force_balance(model, near, state.r, g, state.c, state.zeta0)
-    _, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
-    return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
-
-
-def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int = 200) -> State:
-    """`state` with its shape at rest under its present, frozen concentration.
-
-    A polyhedral sphere is no discrete equilibrium: at delta_P R0/(eta_s rate) = 300 its
-    imbalance would drive flows that swamp a small perturbation. Without pressure there is next to
-    no imbalance, but the shape also settles slowly; there it is enough that nothing moves fast.
-    Raises StepFailed.
-    """
-    dt = RELAXATION_STEP / model.rate
-    near, v_c, change = None, None, np.inf
-    for _ in range(most_steps):
-        g = geometry(state.r, model.mesh.faces)
-        if near is None:
-            near = cortex(model, state.r, g, dt, state.zeta0)
-        solution = force_balance(model, near, state.r, g, state.c, state.zeta0, v_c=v_c)
-        moved, zeta0 = _area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
-        before, change = change, np.abs(moved - state.r).max() / model.parameters.R0
-        v_c = solution.v(zeta0) - solution.v_p
-        state = State(state.t, moved, state.c, zeta0, state.position)
-        if change < tolerance:
-            return state
-        if change > before:  # too far from the shape that was factorized
-            near, v_c = None, None
-    flow = flow_of(model, state, 1e-2 / model.rate)
-    speed = np.abs(np.einsum("vi,vi->v", flow.v, flow.normals)).max()
-    if not speed < RESTING * model.rate * model.parameters.R0:
-        raise StepFailed(f"the initial shape does not come to rest, it moves at {speed:.3g}")
-    return state
-
-
-def _area_preserving_move(
+def area_preserving_move(
     model: Model, start: Array, g: Geometry, solution: TensionFlow, dt: float, zeta0: float
 ) -> tuple[Array, float]:
     """Nodes moved by the normal velocity, with the tension that makes the area A0 (Newton)."""

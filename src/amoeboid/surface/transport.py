@@ -17,14 +17,12 @@ conservative and keeps c >= 0 for any dt.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import Geometry
+from amoeboid.meshes.operators import advection, mass, product, stiffness
 from amoeboid.numerics.compiled import compiled
-from amoeboid.surface.geometry import Geometry
 from amoeboid.surface.model import Model
-from amoeboid.surface.operators import advection, mass, product, stiffness
-
-Array = NDArray[np.float64]
 
 
 def transported(

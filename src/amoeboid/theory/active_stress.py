@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
 
 

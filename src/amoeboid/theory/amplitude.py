@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.theory.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
 from amoeboid.theory.linear import critical_speed
 from amoeboid.theory.points import AnyPoints, Points, finite_result, infinite_pressure

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.theory.amplitude import (
     NormalForm,
     at_threshold,

@@ -27,7 +27,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.theory.linear import (
     driving_slope,
     elastic_slope,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.theory.amplitude import cubic_coefficient
 from amoeboid.theory.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput

@@ -14,7 +14,8 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array, Exponential, Inverse
+from amoeboid.arrays import Array
+from amoeboid.model.polymerization import Exponential, Inverse
 from amoeboid.theory.points import AnyPoints, Points, finite_result, points
 from amoeboid.theory.roots import roots_about
 from amoeboid.validation import InvalidInput

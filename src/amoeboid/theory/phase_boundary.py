@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.theory.amplitude import cubic_coefficient_at_speed, second_harmonic
 from amoeboid.theory.linear import MOST_THRESHOLDS, driving_slope, thresholds
 from amoeboid.theory.points import AnyPoints, Points, points

@@ -10,9 +10,10 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.parameters import Parameters
-from amoeboid.polymerization import Array, Law
-from amoeboid.polymerization import law as law_from
+from amoeboid.arrays import Array
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.polymerization import Law
+from amoeboid.model.polymerization import law as law_from
 from amoeboid.validation import InvalidInput, refuse_unknown, rule
 
 Arguments = ParamSpec("Arguments")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from amoeboid.polymerization import Array
+from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
 
 DECADES = 8

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from amoeboid.parameters import Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.theory.amplitude import (
     at_threshold,
     bifurcation,

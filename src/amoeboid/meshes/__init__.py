@@ -1,0 +1,1 @@
+"""Triangulated surfaces: connectivity, geometry, operators, remeshing, files."""

@@ -1,0 +1,143 @@
+"""Surface files (.stl, .ply, .obj, .vtp) as arrays.
+
+STL, PLY and OBJ are read here. VTK reads .vtp in a process of its own: on damaged files it ends the
+program or reads past the end of what it has, and it prints.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from amoeboid.arrays import Array, Index
+from amoeboid.meshes import vtk_process
+from amoeboid.meshes.obj import read_obj
+from amoeboid.meshes.ply import read_ply
+from amoeboid.meshes.polygons import Unreadable, triangulated
+from amoeboid.meshes.stl import read_stl
+from amoeboid.validation import InvalidInput
+
+READERS = {"stl": read_stl, "ply": read_ply, "obj": read_obj}
+FORMATS = (*READERS, "vtp")
+PACKED = ("gz", "bz2", "xz", "zst", "zip", "7z")
+# Five times what a text file of the largest mesh needs.
+MAX_FILE_SIZE = 2**27  # bytes
+# A file of the largest mesh takes a second.
+LONGEST_READING = 120.0  # seconds
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
+# How files of other types begin.
+SIGNATURES = {
+    b"\x1f\x8b": "packed (gzip); unpack it",
+    b"BZh": "packed (bzip2); unpack it",
+    b"\xfd7zXZ": "packed (xz); unpack it",
+    b"PK\x03\x04": "packed (zip); unpack it",
+    b"\xff\xfe": "text in UTF-16; save it as plain text (UTF-8)",
+    b"\xfe\xff": "text in UTF-16; save it as plain text (UTF-8)",
+    b"version https://git-lfs": "not the file but a reference to it (Git LFS); fetch the file",
+}
+BEGINNINGS = {b"ply": "ply", b"solid": "stl", b"<?xml": "vtp", b"<VTKFile": "vtp"}
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceFile:
+    """What a file holds: nodes r (V, 3), faces (F, 3), and the fields of a frame, if it has them.
+
+    c (V,) or None; `fields` whatever else of a frame was found: t, zeta0.
+    """
+
+    r: Array
+    faces: Index
+    c: Array | None
+    fields: dict[str, float]
+
+
+def surface_file(path: str, field: str, formats: tuple[str, ...] = FORMATS) -> SurfaceFile:
+    """The surface in a file, unchecked apart from the numbers of its points.
+
+    Raises InvalidInput, naming the configuration's `field`.
+    """
+    kind = Path(path).suffix.lower().removeprefix(".")
+    if kind not in formats:
+        allowed = ", ".join("." + name for name in formats)
+        helps = "unpack it" if kind in PACKED else "convert it"
+        raise InvalidInput(f"{field} must be a file of type {allowed}, got {path!r}; {helps}")
+    data = _data(path, field)
+    try:
+        _check_beginning(data, kind)
+        if kind != "vtp":
+            polygons = READERS[kind](data.removeprefix(BYTE_ORDER_MARK))
+            return SurfaceFile(polygons.points, triangulated(polygons), None, {})
+        contents = _vtp(path)
+    except Unreadable as problem:
+        raise InvalidInput(
+            f"{field} must hold a surface in the format .{kind}, {path!r} does not: {problem}"
+        ) from None
+    fields: dict[str, float] = {
+        name: float(contents[name].ravel()[0])
+        for name in ("t", "zeta0")
+        if name in contents and contents[name].size == 1
+    }
+    faces = contents["faces"].astype(np.int64)
+    return SurfaceFile(contents["points"], faces, contents.get("c"), fields)
+
+
+def _data(path: str, field: str) -> bytes:
+    """The bytes of a file. Raises InvalidInput."""
+    try:
+        if Path(path).is_file():
+            with Path(path).open("rb") as file:
+                data = file.read(MAX_FILE_SIZE + 1)
+            if len(data) <= MAX_FILE_SIZE:
+                return data
+            found = f"it is larger than {MAX_FILE_SIZE >> 20} MiB, export it with fewer triangles"
+        else:
+            found = "it is no regular file" if Path(path).exists() else "there is none"
+    except OSError as error:
+        found = str(error.strerror)
+    raise InvalidInput(f"{field} must be a readable file, got {path!r}: {found}")
+
+
+def _check_beginning(data: bytes, kind: str) -> None:
+    """Raise Unreadable for files that begin as those of another type do."""
+    if not data.strip(b" \t\r\n\0"):
+        raise Unreadable("it is empty")
+    for signature, says in SIGNATURES.items():
+        if data.startswith(signature):
+            raise Unreadable(f"it is {says}")
+    begin = data.removeprefix(BYTE_ORDER_MARK).lstrip()[:16].split()
+    other = BEGINNINGS.get(begin[0], kind) if begin else kind
+    if other != kind and not (other == "stl" and kind == "obj"):
+        raise Unreadable(f"it begins as a file of type .{other}; if it is one, rename it")
+
+
+def _vtp(path: str) -> dict[str, NDArray]:
+    """The arrays that the process of VTK leaves in a file. Raises Unreadable."""
+    damaged = Unreadable("it is damaged or of another type; export it anew")
+    with tempfile.TemporaryDirectory(prefix="amoeboid-") as folder:
+        answer = Path(folder) / "surface.npz"
+        command = [sys.executable, "-P", vtk_process.__file__]
+        command += [str(Path(path).absolute()), str(answer)]
+        try:
+            # what it prints says nothing: programs may print whenever Python starts
+            done = subprocess.run(  # noqa: S603  (our own program; the paths are arguments)
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=LONGEST_READING,
+            )
+        except subprocess.TimeoutExpired:
+            raise damaged from None
+        if done.returncode != 0 or not answer.is_file():
+            raise damaged
+        with np.load(answer, allow_pickle=False) as archive:
+            contents = dict(archive)
+    if "problem" in contents:
+        raise Unreadable(str(contents["problem"]))
+    return contents

@@ -1,0 +1,1 @@
+"""Sparse direct solvers on the pattern of a mesh."""

@@ -1,0 +1,1 @@
+"""Runs of the 3D cell: the time loop, events, and their result."""
