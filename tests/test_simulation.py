@@ -87,7 +87,7 @@ def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
         v_c = v_c + beside * model.rate * x * x[:, :1] ** 2
         flow = replace(last.flow, v_c=v_c)
         found = turning_rate(model, state.r, state.c, g, flow.v) if known else None
-        rate, _ = simulation._rate(model, replace(state, turning=found), flow)
+        rate, _ = simulation.relative_rate(model, replace(state, turning=found), flow)
         return rate / simulation.STEADY
 
     slow = 0.5 * simulation.SLOW_TURNING
@@ -393,7 +393,7 @@ def judged(monkeypatch, rates, growths, dt=0.1, first=1.0):
     _, steps = steps_of(replace(QUICK, time=Time(end=1.0)))
     rates, growths = iter(rates), iter(growths)
     monkeypatch.setattr(
-        simulation, "_rate", lambda *_: (rate := next(rates), rate < simulation.STEADY)
+        simulation, "relative_rate", lambda *_: (rate := next(rates), rate < simulation.STEADY)
     )
     monkeypatch.setattr(
         simulation, "leading_growth_rate", lambda *_: Growth(next(growths), 0.0, "not found")

@@ -136,8 +136,8 @@ def _check(config: Config) -> None:
         path = getattr(config.initial, name)
         if path is not None:
             raise InvalidInput(
-                f"the benchmark times spheres of several mesh sizes, initial.{name} must be left out, got "
-                f"{path!r}; to time that start, use amoeboid run"
+                "the benchmark times spheres of several mesh sizes, "
+                f"initial.{name} must be left out, got {path!r}; to time that start, use amoeboid run"
             )
     if config.time.scheme == "explicit":
         raise InvalidInput(
