@@ -133,4 +133,4 @@ def test_programs_of_users_pass_strict_type_checks(more, problem, tmp_path):
 
 def test_every_field_has_a_meaning():
     for f in fields(Parameters):
-        assert f.name == "law" or f.metadata["doc"]
+        assert f.name in ("law", "units") or f.metadata["doc"]

@@ -11,9 +11,8 @@ from amoeboid.axisymmetric.evolution import evolve, perturbed_sphere
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.cli.main import main
 from amoeboid.cli.phase_diagram import windows
-from amoeboid.model.dimensions import in_units, natural_units
+from amoeboid.model.natural_units import in_units, natural_units
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import PAPER_CELL, to_simulation
 from amoeboid.validation import InvalidInput
 from unit_systems import SYSTEMS, differences, settings
 
@@ -87,7 +86,7 @@ def test_growth_rates_of_the_cell_of_the_paper_do_not_depend_on_units():
     The fastest pair: the condition number of an eigenvalue, 7e4 at the most for it, is 3e7 for the
     second pair and 2e9 for the third (m = 1), whatever the units.
     """
-    p, _ = to_simulation(PAPER_CELL)
+    p = Parameters.physical()
     polarized = {name: steady_states(measured(p, name), (1,))[-1] for name in SYSTEMS}
     for m in range(4):
         expected = growth_rates(polarized[OWN], m)[:2]

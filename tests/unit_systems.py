@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from amoeboid.model.dimensions import DIMENSIONS, Units
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.units import Units
 
 SI = Units(length=1e5, time=0.1, mass=3.7e2, filaments=1e-5)
 SYSTEMS = {

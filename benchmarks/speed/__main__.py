@@ -137,7 +137,7 @@ def _check(config: Config) -> None:
         if path is not None:
             raise InvalidInput(
                 "the benchmark times spheres of several mesh sizes, "
-                f"initial.{name} must be left out, got {path!r}; to time that start, use amoeboid run"
+                f"initial.{name} must be left out, got {path!r}; amoeboid run times that start"
             )
     if config.time.scheme == "explicit":
         raise InvalidInput(

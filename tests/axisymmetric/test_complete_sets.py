@@ -17,7 +17,6 @@ from amoeboid.axisymmetric.paths import CLOSED, Path
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.axisymmetric.steady import strong_residual
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import to_simulation
 from amoeboid.numerics.continuation import Options, at_distance, started
 from amoeboid.validation import InvalidInput
 from axisymmetric.scans import CELLS, Reference, rear, spaced
@@ -89,7 +88,7 @@ def test_a_state_where_the_mode_l_2_goes_first_is_found():
 
 def test_a_state_that_cannot_be_resolved_is_reported():
     """The paper's cell at 3 um/s: boundary layers at D/(beta R0^2) = 0.003."""
-    p, _ = to_simulation({"v_p0": "3 um/s", "delta_P": "300 Pa"})
+    p = Parameters.physical(v_p0="3 um/s", delta_P="300 Pa")
     found = steady_states(p, (1,))
     assert not found.complete
     assert "l = 1" in found.problems[0]

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from amoeboid.config import Config, Mesh, figure_3d, resolved
-from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import PAPER_CELL, in_unit, magnitude, to_simulation
+from amoeboid.model.parameters import PAPER_CELL, Parameters
+from amoeboid.model.units import in_unit, magnitude
 from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
 from amoeboid.theory.branch import next_steady_amplitude, prediction
 from amoeboid.theory.dimensionless import dimensionless, viscosity_ratio
@@ -44,14 +44,14 @@ class Printed:
 
 def cell(quantity="critical", **changes):
     """A result for the paper's cell, in um/s."""
-    p, scales = to_simulation(changes)
+    p = Parameters.physical(**changes)
     rigid = infinite_pressure(p)  # the paper's amplitude equation
     speed = {
         "critical": lambda: critical_speed(p),
         "at threshold": lambda: prediction(rigid).max_retrograde_speed,
         "at v_p0": lambda: prediction(rigid).max_retrograde_speed_at_v_p0,
     }[quantity]
-    return in_unit(float(speed()), "L/T", scales, "um/s")
+    return in_unit(float(speed()), "L/T", p.units, "um/s")
 
 
 def elastic_resistance():
@@ -182,7 +182,7 @@ def test_paper_cell_lies_in_the_physical_column(name, low, high, unit):
 def test_thresholds_of_the_cell_lie_in_the_range_of_polymerization_speeds():
     for alpha in ("0 Pa m^3", f"{elastic_resistance()} Pa m^3"):
         assert 5e-3 < cell(alpha=alpha) < 3
-    p, _ = to_simulation({})
+    p = Parameters.physical()
     assert bifurcation(p) == "supercritical"
 
 
@@ -197,8 +197,8 @@ def test_monomers_of_the_table_bracket_those_of_the_estimates():
 def test_physical_and_simulation_columns_are_different_cells():
     """Erratum "Two columns, two cells": bars of the physical column against the simulated ones."""
     assert "## Two columns, two cells\n" in ERRATA.read_text(encoding="utf-8")
-    low, _ = to_simulation({})
-    high, _ = to_simulation({"delta_P": "700 Pa"})
+    low = Parameters.physical()
+    high = Parameters.physical(delta_P="700 Pa")
     assert dimensionless(low).delta_P == pytest.approx(11.1, abs=0.05)
     assert dimensionless(high).delta_P == pytest.approx(25.9, abs=0.05)
     assert dimensionless(TABLE).delta_P == 300

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.model.units import PAPER_CELL, in_unit, magnitude, to_physical, to_simulation
+from amoeboid.model.parameters import PAPER_CELL, PARAMETER_NAMES, Parameters
+from amoeboid.model.units import in_unit, magnitude
 from amoeboid.theory.linear import critical_speed, growth_rate
 from amoeboid.validation import InvalidInput
 
@@ -12,7 +12,8 @@ AVOGADRO = 6.02214076e23
 
 
 def test_the_paper_cell_in_simulation_units():
-    p, scales = to_simulation({})
+    p = Parameters.physical()
+    scales = p.units
     assert (p.R0, p.beta, p.eta_s, p.c_r) == (1, 1, 1, 1)
     # Numbers per um^2: 8.5e-6 mol/l of monomers in 0.19 um; 1 l = 1e15 um^3.
     reference = 8.5e-6 * AVOGADRO / 1e15 * 0.19
@@ -26,10 +27,10 @@ def test_the_paper_cell_in_simulation_units():
 
 def test_simulation_units_and_back():
     given = {"alpha": "4.16e-20 Pa m^3", "delta_P": "0.7 kPa", "eta_b": "1 mN s/m"}
-    p, scales = to_simulation(given)
-    back = to_physical(p, scales)
+    p = Parameters.physical(**given)
+    back = p.quantities()
     assert set(back) == set(PARAMETER_NAMES)
-    again, _ = to_simulation({k: str(v) if k != "law" else v for k, v in back.items()})
+    again = Parameters.physical(**back)
     for name in PARAMETER_NAMES:
         if name != "law":
             assert getattr(again, name) == pytest.approx(getattr(p, name), rel=1e-12)
@@ -38,13 +39,14 @@ def test_simulation_units_and_back():
 
 
 def test_results_do_not_depend_on_the_units_of_the_input():
-    metric, scales = to_simulation({"alpha": "4e-20 Pa m^3"})
-    other, _ = to_simulation(
-        {"R0": "1e-2 mm", "beta": "6 / min", "alpha": "40 zPa m^3", "c0": "1.37e11 / cm^2"}
+    metric = Parameters.physical(alpha="4e-20 Pa m^3")
+    scales = metric.units
+    other = Parameters.physical(
+        R0="1e-2 mm", beta="6 / min", alpha="40 zPa m^3", c0="1.37e11 / cm^2"
     )
     assert critical_speed(other) == pytest.approx(critical_speed(metric), rel=1e-12)
     # The scaled model is the same model: lambda in 1/s computed in SI units directly.
-    si = {k: v.magnitude for k, v in to_physical(metric, scales).items() if k != "law"}
+    si = {k: v.to_base_units().magnitude for k, v in metric.quantities().items() if k != "law"}
     direct = growth_rate(Parameters(**si), 1)
     assert in_unit(float(growth_rate(metric, 1)), "1/T", scales, "1/s") == pytest.approx(
         float(direct), rel=1e-10
@@ -52,7 +54,7 @@ def test_results_do_not_depend_on_the_units_of_the_input():
 
 
 def test_conserved_filaments_take_the_time_of_diffusion():
-    _, scales = to_simulation({"beta": "0 / s"})
+    scales = Parameters.physical(beta="0 / s").units
     assert scales.time == pytest.approx(100 / 0.03)
 
 
@@ -60,7 +62,7 @@ def test_pint_quantities_are_taken_as_they_are_read():
     registry = pint.application_registry.get()
     assert magnitude("3 umol/l * 190 nm", "1/um^2") == pytest.approx(343.26, rel=1e-4)
     with pytest.raises(InvalidInput, match="must be a number with a unit"):
-        to_simulation({"R0": registry})
+        Parameters.physical(R0=registry)
 
 
 @pytest.mark.parametrize(
@@ -116,7 +118,7 @@ def test_pint_quantities_are_taken_as_they_are_read():
 )
 def test_wrong_input_is_refused_and_named(given, message):
     with pytest.raises(InvalidInput, match=message):
-        to_simulation(given)
+        Parameters.physical(**given)
 
 
 @pytest.mark.parametrize(

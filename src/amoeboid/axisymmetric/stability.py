@@ -23,7 +23,7 @@ from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.model.dimensions import natural_units
+from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.newton import solve
 from amoeboid.theory.linear import finite_pressure_rates

@@ -28,8 +28,9 @@ from amoeboid.axisymmetric.unknowns import (
     resampled,
     split,
 )
-from amoeboid.model.dimensions import Units, in_units
+from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import Units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
 

@@ -11,7 +11,7 @@ from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
-    from amoeboid.model.dimensions import Units
+    from amoeboid.model.parameters import Parameters
     from amoeboid.theory.summary import Summary
 
 # Dimension and physical unit of what is printed; a key that is missing has no dimension.
@@ -55,11 +55,11 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.theory.summary import summary
 
     if args.physical:
-        from amoeboid.model.units import PAPER_CELL, to_simulation
+        from amoeboid.model.parameters import PAPER_CELL, Parameters
 
         given = _quantities(args.settings)
-        p, units = to_simulation(given)
-        result = _in_physical_units(_result(summary(p)), units)
+        p = Parameters.physical(**given)
+        result = _in_physical_units(_result(summary(p)), p)
         result["parameters"] = {**PAPER_CELL, **given}
         result["units"] = {key: unit for key, (_, unit) in UNITS.items() if key in result}
     else:
@@ -136,15 +136,13 @@ def _result(s: Summary) -> dict[str, Any]:
     return result
 
 
-def _in_physical_units(result: dict[str, Any], units: Units) -> dict[str, Any]:
-    from amoeboid.model.units import in_unit
-
+def _in_physical_units(result: dict[str, Any], p: Parameters) -> dict[str, Any]:
     def converted(value: Any, dimension: str, unit: str) -> Any:
         if isinstance(value, dict):
             return {key: converted(v, dimension, unit) for key, v in value.items()}
         if isinstance(value, list):
             return [converted(v, dimension, unit) for v in value]
-        return None if value is None else in_unit(value, dimension, units, unit)
+        return None if value is None else float(p.quantity(value, dimension).to(unit).magnitude)
 
     return {
         key: converted(value, *UNITS[key]) if key in UNITS else value

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import tomli_w
@@ -12,10 +12,39 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.model.polymerization import LawField, refuse_unwritable
+from amoeboid.model.units import Units, measured, quantity
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
 SLOWEST, FASTEST = 1e-60, 1e60
+
+
+# The cell of the paper's estimates (SI, section on parameters): the last column of its table, with
+# c_r = mu h for 8.5 umol/l of monomers in a cortex of 190 nm, and eta_b = eta_s.
+PAPER_CELL: dict[str, str] = {
+    "R0": "10 um",
+    "delta_P": "300 Pa",
+    "eta_s": "2.7 mPa s m",
+    "eta_b": "2.7 mPa s m",
+    "c0": "1370 / um^2",
+    "c_r": "8.5 umol/l * 190 nm",
+    "beta": "0.1 / s",
+    "D": "0.03 um^2/s",
+    "v_p0": "1.7 um/s",
+    "alpha": "0 Pa m^3",
+    "law": "exponential",
+}
+
+_EXAMPLES = {
+    "L": "10 um",
+    "M/(L T^2)": "300 Pa",
+    "M/T": "2.7 mPa s m",
+    "N/L^2": "1370 / um^2",
+    "1/T": "0.1 / s",
+    "L^2/T": "0.03 um^2/s",
+    "L/T": "1.7 um/s",
+    "M L^2/(T^2 N)": "4e-20 Pa m^3",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,9 +66,51 @@ class Parameters:
     v_p0: float = number(3.8, "polymerization speed scale", "L/T", ge=0)
     alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
     law: LawField = LawField()  # a Law, or its name or expression
+    units: Units | None = field(default=None, compare=False, repr=False)
+    """Size of the units in SI base units, where the parameters were given in physical ones."""
 
     def __post_init__(self) -> None:
         validate(self)
+
+    @classmethod
+    def physical(cls, **quantities: Any) -> Parameters:
+        """A cell from quantities with units: texts such as "10 um", or pint's own.
+
+        What is left out is as in `PAPER_CELL`, the cell of the paper's estimates. The units of the
+        numbers are those of the cell: length R0, time 1/beta (R0^2/D without turnover), mass
+        eta_s/beta, filaments c_r R0^2; `units` holds their size, and `quantity` converts results
+        back. Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong
+        dimension, naming the parameter.
+
+        >>> cell = Parameters.physical(R0="10 um", v_p0="1.7 um/s")
+        >>> cell.R0, f"{cell.quantity(cell.v_p0, 'L/T'):.2f}"
+        (1.0, '1.70 µm/s')
+        """
+        refuse_unknown(quantities, PARAMETER_NAMES, "parameter")
+        given = {**PAPER_CELL, **quantities}
+        law = given.pop("law")
+        si: dict[str, Any] = {
+            name: measured(name, value, DIMENSIONS[name], _EXAMPLES[DIMENSIONS[name]])
+            for name, value in given.items()
+        }
+        cls(law=law, **si)  # refuses values out of range in the user's own numbers
+        units = _own_units(si)
+        values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}
+        # By definition; dividing would leave rounding.
+        values |= {"R0": 1.0, "eta_s": 1.0, "c_r": 1.0}
+        return cls(**values, law=law, units=units)
+
+    def quantity(self, value: Any, dimension: str) -> Any:
+        """A number of a dimension such as "L/T" in the units of the cell.
+
+        A quantity of pint if the parameters were given in physical units, else `value` itself.
+        """
+        return value if self.units is None else quantity(value, dimension, self.units)
+
+    def quantities(self) -> dict[str, Any]:
+        """All parameters by name, with their units if they were given in physical ones."""
+        values = {name: self.quantity(getattr(self, name), d) for name, d in DIMENSIONS.items()}
+        return values | {"law": self.law.name}
 
     def v_p(self, c: ArrayLike) -> Array:
         """Polymerization speed at concentration c [L/T]; main text `vp`."""
@@ -79,11 +150,29 @@ class Parameters:
 
     def as_dict(self) -> dict[str, float | str]:
         """Plain numbers and the law's name, in the order of the fields."""
-        values = {f.name: getattr(self, f.name) for f in fields(self)}
+        values = {name: getattr(self, name) for name in PARAMETER_NAMES}
         return values | {"law": self.law.name}
 
 
-PARAMETER_NAMES = tuple(f.name for f in fields(Parameters))
+PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")
+
+DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
+"""Dimension of each parameter, such as "L^2/T"; the law has none."""
+
+
+def _own_units(si: Mapping[str, float]) -> Units:
+    if si["beta"] > 0:
+        time = 1 / si["beta"]
+    elif si["D"] > 0:
+        time = si["R0"] ** 2 / si["D"]
+    else:
+        raise InvalidInput("beta and D must not both be 0: one of them sets the unit of time")
+    return Units(
+        length=si["R0"],
+        time=time,
+        mass=si["eta_s"] * time,
+        filaments=si["c_r"] * si["R0"] ** 2,
+    )
 
 
 def parameters_from(mapping: Mapping[str, Any]) -> Parameters:

@@ -1,50 +1,22 @@
-"""Physical quantities to simulation units and back; the only importer of pint.
+"""Units as powers of length, time, mass and number; physical quantities, by pint.
 
-Filaments are counted: a concentration in mol is multiplied by the Avogadro number. Base units of
-the simulation: length R0, time 1/beta, mass eta_s/beta, filaments c_r R0^2.
+Filaments are counted: a concentration in mol is multiplied by the Avogadro number. This module is
+the only importer of pint.
 """
 
 from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from amoeboid.model.dimensions import DIMENSIONS, Units
-from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.validation import InvalidInput, refuse_unknown
-
-# The cell of the paper's estimates (SI, section on parameters): the last column of its table, with
-# c_r = mu h for 8.5 umol/l of monomers in a cortex of 190 nm, and eta_b = eta_s.
-PAPER_CELL: dict[str, str] = {
-    "R0": "10 um",
-    "delta_P": "300 Pa",
-    "eta_s": "2.7 mPa s m",
-    "eta_b": "2.7 mPa s m",
-    "c0": "1370 / um^2",
-    "c_r": "8.5 umol/l * 190 nm",
-    "beta": "0.1 / s",
-    "D": "0.03 um^2/s",
-    "v_p0": "1.7 um/s",
-    "alpha": "0 Pa m^3",
-    "law": "exponential",
-}
+from amoeboid.validation import InvalidInput
 
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
-_EXAMPLES = {
-    "L": "10 um",
-    "M/(L T^2)": "300 Pa",
-    "M/T": "2.7 mPa s m",
-    "N/L^2": "1370 / um^2",
-    "1/T": "0.1 / s",
-    "L^2/T": "0.03 um^2/s",
-    "L/T": "1.7 um/s",
-    "M L^2/(T^2 N)": "4e-20 Pa m^3",
-}
-
-
+_CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg", "N": "1"}
+_CUSTOMARY = {"M/(L T^2)": "Pa", "M/T^2": "mN/m", "M/T": "mPa s m", "M L^2/(T^2 N)": "Pa m^3"}
 # Signs of print, and blanks of any width, as the keyboard has them.
 _SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
 _TOKEN = re.compile(
@@ -73,33 +45,78 @@ _FOLLOWS = {
 }
 
 
-def to_simulation(physical: Mapping[str, Any]) -> tuple[Parameters, Units]:
-    """Simulation parameters from quantities (texts such as "10 um", or pint's own), and the units.
+@dataclass(frozen=True, kw_only=True)
+class Units:
+    """The size of the units of length L, time T, mass M and number of filaments N."""
 
-    The units of the simulation are measured in SI units: what to multiply its numbers by.
-    Parameters left out are those of `PAPER_CELL`. Raises InvalidInput for an unknown name, a
-    text that is no quantity, or a wrong dimension, naming the parameter.
+    length: float
+    time: float
+    mass: float
+    filaments: float
+
+    def of(self, dimension: str) -> float:
+        """The size of the unit of a dimension such as "M/(L T^2)".
+
+        Raises InvalidInput where it is beyond double precision.
+        """
+        powers = {"L": self.length, "T": self.time, "M": self.mass, "N": self.filaments}
+        size = 1.0
+        try:
+            for symbol, exponent in exponents(dimension):
+                size *= powers[symbol] ** exponent
+        except (OverflowError, ZeroDivisionError):
+            size = 0.0
+        if not 0.0 < size < math.inf:
+            raise InvalidInput(
+                f"a unit of {dimension} must be within double precision, it is not with a length "
+                f"of {self.length:g}, a time of {self.time:g} and a mass of {self.mass:g}; choose "
+                "other units"
+            )
+        return size
+
+
+@cache
+def exponents(dimension: str) -> tuple[tuple[str, int], ...]:
+    """Base dimensions with their exponents: "L^2/T" gives (("L", 2), ("T", -1))."""
+    above, _, below = dimension.partition("/")
+    return tuple(
+        (symbol, sign * int(exponent or 1))
+        for text, sign in ((above, 1), (below, -1))
+        for symbol, exponent in re.findall(r"([LTMN])(?:\^(\d))?", text)
+    )
+
+
+def measured(name: str, value: Any, dimension: str, example: str) -> float:
+    """A quantity (a text such as "10 um", or pint's own) of a dimension, in SI base units.
+
+    Raises InvalidInput, naming `name` and giving an `example`, if it is no quantity or has another
+    dimension.
     """
-    refuse_unknown(physical, PARAMETER_NAMES, "parameter")
-    given = {**PAPER_CELL, **physical}
-    law = given.pop("law")
-    si = {name: _in_base_units(name, value) for name, value in given.items()}
-    Parameters(**si, law=law)  # refuses values out of range in the user's own numbers
-    units = _base_units(si)
-    values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}
-    # By definition; dividing would leave rounding.
-    values |= {"R0": 1.0, "eta_s": 1.0, "c_r": 1.0}
-    return Parameters(**values, law=law), units
+    quantity = _counted(_parsed(name, value, example))
+    wanted = _registry().parse_units(_base_unit(dimension))
+    if quantity.dimensionality != wanted.dimensionality:
+        raise InvalidInput(
+            f"{name} must have the dimension {dimension}, such as {example!r}, "
+            f"got {str(value)!r} ({quantity.dimensionality})"
+        )
+    return float(quantity.to(wanted).magnitude)
 
 
-def to_physical(p: Parameters, units: Units) -> dict[str, Any]:
-    """The parameters as pint quantities in SI base units; the law as its name."""
+def quantity(value: Any, dimension: str, units: Units) -> Any:
+    """A number, or an array, of a dimension in the units of a cell as a quantity of pint.
+
+    It is measured in micrometres, seconds, pascals and the like; `.to("mm/h")` converts it.
+    """
     registry = _registry()
-    quantities: dict[str, Any] = {}
-    for name, dimension in DIMENSIONS.items():
-        magnitude = getattr(p, name) * units.of(dimension)
-        quantities[name] = magnitude * registry.parse_units(_base_unit(dimension))
-    return quantities | {"law": p.law.name}
+    base = registry.parse_units(_base_unit(dimension))
+    return (value * units.of(dimension) * base).to(customary_unit(dimension))
+
+
+def customary_unit(dimension: str) -> str:
+    """The unit that cell biologists measure a dimension such as "L/T" in: "um/s"."""
+    if dimension in _CUSTOMARY:
+        return _CUSTOMARY[dimension]
+    return re.sub(r"[LTMN]", lambda m: _CUSTOMARY_BASE[m.group()], _spelled(dimension))
 
 
 def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:
@@ -123,34 +140,6 @@ def magnitude(quantity: Any, unit: str) -> float:
             f"quantity must be measurable in {unit}, got {quantity!r} ({found.dimensionality})"
         )
     return float(found.to(wanted).magnitude)
-
-
-def _base_units(si: Mapping[str, float]) -> Units:
-    if si["beta"] > 0:
-        time = 1 / si["beta"]
-    elif si["D"] > 0:
-        time = si["R0"] ** 2 / si["D"]
-    else:
-        raise InvalidInput("beta and D must not both be 0: one of them sets the unit of time")
-    return Units(
-        length=si["R0"],
-        time=time,
-        mass=si["eta_s"] * time,
-        filaments=si["c_r"] * si["R0"] ** 2,
-    )
-
-
-def _in_base_units(name: str, value: Any) -> float:
-    dimension = DIMENSIONS[name]
-    example = _EXAMPLES[dimension]
-    quantity = _counted(_parsed(name, value, example))
-    wanted = _registry().parse_units(_base_unit(dimension))
-    if quantity.dimensionality != wanted.dimensionality:
-        raise InvalidInput(
-            f"{name} must have the dimension {dimension}, such as {example!r}, "
-            f"got {str(value)!r} ({quantity.dimensionality})"
-        )
-    return float(quantity.to(wanted).magnitude)
 
 
 def _parsed(name: str, value: Any, example: str) -> Any:
@@ -226,13 +215,18 @@ def _counted(quantity: Any) -> Any:
 
 
 def _base_unit(dimension: str) -> str:
-    text = re.sub(r"\) *$", ")", dimension).replace("^", "**")
-    text = re.sub(r"[LTMN]", lambda m: _BASE[m.group()], text)
-    return re.sub(r"(?<=[\w)]) +(?=[\w(])", " * ", text)
+    return re.sub(r"[LTMN]", lambda m: _BASE[m.group()], _spelled(dimension))
+
+
+def _spelled(dimension: str) -> str:
+    """A dimension with every product and power written out: "M/(L T^2)" as "M/(L * T**2)"."""
+    return re.sub(r"(?<=[\w)]) +(?=[\w(])", " * ", dimension.replace("^", "**"))
 
 
 @cache
 def _registry() -> Any:
     import pint
 
-    return pint.UnitRegistry()
+    registry = pint.UnitRegistry()
+    registry.formatter.default_format = ".6g~P"
+    return registry

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from base64 import b64encode
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from amoeboid.output.folder import write_atomically
 
@@ -50,3 +52,13 @@ def write_figure(figure: Figure, path: Path, dpi: int) -> None:
         figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=METADATA.get(suffix))
 
     write_atomically(path, write)
+
+
+def html_picture(result: Any, draw: Callable[..., Any], **options: Any) -> str:
+    """An image of HTML, 4 by 3 inches, of what `draw(result, axes)` draws."""
+    with own_settings():
+        figure = new_figure(4.0, 3.0)
+        draw(result, figure.add_subplot(), **options)
+        data = BytesIO()
+        figure.savefig(data, format="png", dpi=100, metadata=METADATA[".png"])
+    return f'<img src="data:image/png;base64,{b64encode(data.getvalue()).decode()}">'

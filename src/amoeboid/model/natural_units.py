@@ -1,4 +1,4 @@
-"""Units as powers of length, time, mass and number, and the natural units of a cell.
+"""The natural units of a cell, and the same cell in other units.
 
 Every answer is the same cell in any units. Where different quantities enter one inner product, one
 norm or one elimination, the computation is done in the natural units of the cell.
@@ -6,62 +6,15 @@ norm or one elimination, the computation is done in the natural units of the cel
 
 from __future__ import annotations
 
-import math
-import re
-from dataclasses import dataclass, fields
-from functools import cache
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.model.polymerization import Law
-from amoeboid.validation import InvalidInput
-
-DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
-"""Dimension of each parameter, such as "L^2/T"; the law has none."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Units:
-    """The size of the units of length L, time T, mass M and number of filaments N."""
-
-    length: float
-    time: float
-    mass: float
-    filaments: float
-
-    def of(self, dimension: str) -> float:
-        """The size of the unit of a dimension such as "M/(L T^2)".
-
-        Raises InvalidInput where it is beyond double precision.
-        """
-        powers = {"L": self.length, "T": self.time, "M": self.mass, "N": self.filaments}
-        size = 1.0
-        try:
-            for symbol, exponent in exponents(dimension):
-                size *= powers[symbol] ** exponent
-        except (OverflowError, ZeroDivisionError):
-            size = 0.0
-        if not 0.0 < size < math.inf:
-            raise InvalidInput(
-                f"a unit of {dimension} must be within double precision, it is not with a length "
-                f"of {self.length:g}, a time of {self.time:g} and a mass of {self.mass:g}; choose "
-                "other units"
-            )
-        return size
-
-
-@cache
-def exponents(dimension: str) -> tuple[tuple[str, int], ...]:
-    """Base dimensions with their exponents: "L^2/T" gives (("L", 2), ("T", -1))."""
-    above, _, below = dimension.partition("/")
-    return tuple(
-        (symbol, sign * int(exponent or 1))
-        for text, sign in ((above, 1), (below, -1))
-        for symbol, exponent in re.findall(r"([LTMN])(?:\^(\d))?", text)
-    )
+from amoeboid.model.units import Units
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,61 @@
+"""How results show themselves: short texts, tables for notebooks, and the way to their pictures.
+
+A result knows the name of the function of `plotting` that draws it, and nothing of drawing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib import import_module
+from typing import Any
+
+DIGITS = 6
+"""Significant digits of a number."""
+
+
+def shown(value: Any) -> str:
+    """A value as results show it: six significant digits, with its unit if it has one."""
+    if value is None:
+        return "unknown"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value + 0.0:.{DIGITS}g}"
+    return str(value)
+
+
+def html_table(
+    heading: str,
+    rows: Iterable[Sequence[Any]],
+    titles: Sequence[str] = (),
+    notes: Sequence[str] = (),
+) -> str:
+    """A table of HTML with a heading, column titles and notes below; every text is escaped."""
+    head = "".join(f"<th>{escape(title)}</th>" for title in titles)
+    cells = (("".join(f"<td>{escape(shown(cell))}</td>" for cell in row)) for row in rows)
+    body = "".join(f"<tr>{row}</tr>" for row in cells)
+    below = "".join(f"<div>{escape(note)}</div>" for note in notes)
+    titled = f"<thead><tr>{head}</tr></thead>" if head else ""
+    return (
+        f"<div><strong>{escape(heading)}</strong>"
+        f"<table>{titled}<tbody>{body}</tbody></table>{below}</div>"
+    )
+
+
+def plotted(result: Any, drawing: str, ax: Any = None, **options: Any) -> Any:
+    """The axes with `result` drawn on them by `drawing`, "module.function" of `plotting`.
+
+    matplotlib is imported here, and not before.
+    """
+    return _drawing(drawing)(result, ax, **options)
+
+
+def html_picture(result: Any, drawing: str, **options: Any) -> str:
+    """A small picture of HTML, by the same function."""
+    return str(_drawing("figures.html_picture")(result, _drawing(drawing), **options))
+
+
+def _drawing(name: str) -> Any:
+    module, function = name.split(".")
+    return getattr(import_module(f"amoeboid.plotting.{module}"), function)
