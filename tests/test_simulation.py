@@ -15,6 +15,7 @@ from amoeboid.simulation.loop import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
 from amoeboid.surface.rigid import spin, turning_rate
 from amoeboid.surface.stability import Growth, leading_growth_rate
+from amoeboid.surface.steadiness import SLOW_TURNING
 from amoeboid.surface.stepping import (
     difference,
     foreseen,
@@ -90,10 +91,10 @@ def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
         rate, _ = simulation.relative_rate(model, replace(state, turning=found), flow)
         return rate / simulation.STEADY
 
-    slow = 0.5 * simulation.SLOW_TURNING
+    slow = 0.5 * SLOW_TURNING
     assert rate_of(slow) < 10.0
     assert rate_of(slow, known=False) > 100.0
-    assert rate_of(2.0 * simulation.SLOW_TURNING) > 100.0
+    assert rate_of(2.0 * SLOW_TURNING) > 100.0
     assert rate_of(slow, beside=1e-3) > 0.5 * rate_of(0.0, beside=1e-3) > 20.0
 
 
