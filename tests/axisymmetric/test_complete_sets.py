@@ -216,7 +216,7 @@ class Ring:
 
     def point(self, q):
         p = Parameters()
-        return SimpleNamespace(**{**p.as_dict(), "law": p.law, "v_p0": q[0]})
+        return p.point({"v_p0": q[0]})
 
     def residual(self, x, q):
         f = x - self.fixed + 0 * q[0]

@@ -19,7 +19,7 @@ from amoeboid.theory.linear import (
     critical_pressure,
     critical_speed,
     driving_slope,
-    elastic_slope,
+    stress_derivatives,
     finite_pressure_matrix,
     finite_pressure_rates,
     flow_response,
@@ -51,7 +51,7 @@ RATES = {
 }  # fmt: skip
 # The same for what drives the shape.
 DRIVES = {
-    "g_1": (2, (0, 1, 0, 0, 0)), "Q2": (2, (2, 0, 0, 0, 0)), "Q4": (2, (4, 0, 0, 0, 0)),
+    "w_1": (2, (0, 1, 0, 0, 0)), "Q2": (2, (2, 0, 0, 0, 0)), "Q4": (2, (4, 0, 0, 0, 0)),
     "Q21": (2, (2, 1, 0, 0, 0)), "Q02": (2, (0, 2, 0, 0, 0)), "Q101": (2, (1, 0, 1, 0, 0)),
     "Q2r": (2, (2, 0, 0, 1, 0)), "Q01r": (2, (0, 1, 0, 1, 0)), "Q1s": (2, (1, 0, 0, 0, 1)),
     "S3": (3, (3, 0, 0, 0, 0)), "S11": (3, (1, 1, 0, 0, 0)), "S1r": (3, (1, 0, 0, 1, 0)),
@@ -91,7 +91,7 @@ def numbers(p):
     scaled = {f"f{k}": float(v) / p.R0 for k, v in enumerate(p.v_p_derivatives(p.c0, 5))}
     return scaled | {
         "c0": p.c0, "D": p.D / p.R0**2, "beta": p.beta, "y": p.eta_s / S, "P": p.delta_P * p.R0 / S,
-        "K": float(elastic_slope(p)) / p.R0,
+        **{f"K{k}": float(v) / p.R0 for k, v in enumerate(stress_derivatives(points(p), 5)) if k},
         "G2": float(flow_response(p, 2)), "G3": float(flow_response(p, 3)),
     }  # fmt: skip
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -100,7 +99,7 @@ class Dynamics:
     @property
     def point(self) -> Any:
         """The parameters as plain attributes."""
-        return SimpleNamespace(**{**self.parameters.as_dict(), "law": self.parameters.law})
+        return self.parameters.point()
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""

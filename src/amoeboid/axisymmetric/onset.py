@@ -70,7 +70,7 @@ def onsets_anywhere(p: Parameters, name: str, l: int = 1) -> tuple[float, ...]: 
 
 
 def _unit(p: Parameters, name: str) -> float:
-    value = float(getattr(p, name))
+    value = p.value(name)
     if value > 0:
         return value
     rate = max(p.beta, p.D / p.R0**2, abs(float(p.v_p(p.c0))) / p.R0)
@@ -87,7 +87,8 @@ def _unit(p: Parameters, name: str) -> float:
 
 def onset_speeds(p: Parameters, l: int = 1) -> tuple[float, ...]:  # noqa: E741
     """All v_p0 at which a real mode l of the homogeneous sphere is neutral, ascending."""
-    unit = p.D / p.R0 + p.beta * p.R0 + p.alpha * p.c0 * p.R0 / (p.eta_s + p.eta_b)
+    tension = abs(float(p.tau_derivatives(p.c0, 1)[1])) * p.c0
+    unit = p.D / p.R0 + p.beta * p.R0 + tension * p.R0 / (p.eta_s + p.eta_b)
     if unit == 0:
         return ()
     with np.errstate(over="ignore"):  # speeds beyond double precision are rejected

@@ -12,7 +12,7 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass, replace
+from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
 from numbers import Number, Real
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -23,6 +23,9 @@ from amoeboid.numerics.expressions import Expression, NoExpression, parsed
 from amoeboid.numerics.taylor import Taylor
 from amoeboid.validation import InvalidInput, refuse_unknown
 
+
+# Step of difference quotients, relative to c: cube root of the rounding.
+STEP = 6e-6
 
 AnyRelation = TypeVar("AnyRelation", bound="Relation")
 
@@ -163,6 +166,31 @@ class Relation(ABC):
                 )
             values.append(value)
         return tuple(values)
+
+
+@dataclass(frozen=True)
+class Differences:
+    """A relation whose slope is a central difference of its values, for those that have no other.
+
+    The step is `STEP` of c: truncation and rounding errors of 1e-8 or less of a smooth relation.
+    """
+
+    relation: Any
+
+    @property
+    def own(self) -> dict[str, Any]:
+        """See Relation.own."""
+        return self.relation.own
+
+    def derivatives(self, c: Any, *others: Any, order: int) -> tuple[Array, ...]:
+        """Value and slope; order <= 1."""
+        found = self.relation.derivatives(c, *others, order=0)
+        if order == 0:
+            return found
+        c = np.asarray(c)
+        step = STEP * np.where(c == 0, 1.0, c)
+        low, high = (self.relation.derivatives(c + k * step, *others, order=0)[0] for k in (-1, 1))
+        return (*found, (high - low) / (2 * step))
 
 
 class WithOwnValues(Relation):

@@ -20,13 +20,15 @@ from amoeboid.model.constitutive import FromExpression, FromFunction, Relation, 
 from amoeboid.validation import number, validate
 
 
-def principal_stresses(stretch_1: Any, stretch_2: Any, isotropic: Any, p: Any) -> tuple[Any, Any]:
+def principal_stresses(
+    stretch_1: Any, stretch_2: Any, tau: Any, zeta0: Any, p: Any
+) -> tuple[Any, Any]:
     """Principal stresses at principal strain rates of the cortex [M/T^2]; SI `passive`.
 
-    `isotropic` is what adds to the viscous stress: tau(c), and the tension zeta_0.
+    Viscous stress, isotropic stress tau(c) and tension zeta_0.
     """
-    bulk = (stretch_1 + stretch_2) * p.eta_b + isotropic
-    return bulk + stretch_1 * (2 * p.eta_s), bulk + stretch_2 * (2 * p.eta_s)
+    isotropic = (stretch_1 + stretch_2) * p.eta_b + tau + zeta0
+    return isotropic + stretch_1 * (2 * p.eta_s), isotropic + stretch_2 * (2 * p.eta_s)
 
 
 class Stress(Relation):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
+from amoeboid.model.constitutive import Differences, NoDerivatives
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse.cholesky import BlockCholesky
 from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
 from amoeboid.theory.linear import growth_rate
+from amoeboid.theory.points import points
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +48,16 @@ class Model:
 
     @cached_property
     def growth_rate(self) -> float:
-        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T]."""
-        return float(growth_rate(self.parameters, 1))
+        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T].
+
+        By differences of law and stress where these have values only.
+        """
+        try:
+            return float(growth_rate(self.parameters, 1))
+        except NoDerivatives:
+            p = points(self.parameters)
+            law, stress = Differences(p.law), Differences(p.stress)
+            return float(growth_rate(replace(p, law=law, stress=stress), 1))
 
     @cached_property
     def vector_solver(self) -> BlockCholesky:
