@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, Point
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
@@ -96,8 +97,8 @@ class Dynamics:
     parameters: Parameters
     n: int = MODES
 
-    @property
-    def point(self) -> Any:
+    @cached_property
+    def point(self) -> Point:
         """The parameters as plain attributes."""
         return self.parameters.point()
 

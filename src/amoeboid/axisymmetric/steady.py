@@ -28,7 +28,7 @@ from amoeboid.axisymmetric.unknowns import (
     split,
 )
 from amoeboid.model.natural_units import in_units
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, Point
 from amoeboid.model.units import Units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
@@ -107,7 +107,11 @@ class SteadySystem:
 
     def point(self, q: Array) -> Any:
         """The parameters with those in `names` replaced by q."""
-        return self.parameters.point(dict(zip(self.names, q, strict=True)))
+        return self._parameters.replaced(dict(zip(self.names, q, strict=True)))
+
+    @cached_property
+    def _parameters(self) -> Point:
+        return self.parameters.point()
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""

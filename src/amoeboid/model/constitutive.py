@@ -13,6 +13,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass, replace
+from functools import cache
 from numbers import Number, Real
 from typing import Any, ClassVar, Self, TypeVar
 
@@ -103,14 +104,16 @@ class Relation(ABC):
         """
         c = _floating(at[0])
         others = [x if isinstance(x, float | complex) else _floating(x) for x in at[1:]]
+        shape = np.shape(c)
+        arrays = [x for x in (*others, *self.own.values()) if isinstance(x, np.ndarray)]
+        if arrays:
+            shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
             if order == 0:
                 found = [self._value_at(c, others)]
             else:
-                series = self._series_at(c, others, order)
-                found = series.derivatives()
-        shapes = [np.shape(x) for x in (c, *others, *self.own.values())]
-        return self._finite(found, c, np.broadcast_shapes(*shapes))
+                found = self._series_at(c, others, order).derivatives()
+        return tuple(self._finite(k, v, c, shape) for k, v in enumerate(found))
 
     def _value_at(self, c: Any, others: list[Any]) -> Any:
         try:
@@ -146,26 +149,24 @@ class Relation(ABC):
             "without branches and tables; 3D runs take it as it is"
         )
 
-    def _finite(self, found: list[Any], c: Any, shape: tuple[int, ...]) -> tuple[Array, ...]:
-        values = []
-        for k, v in enumerate(found):
-            what = f"the {self.noun}" if k == 0 else f"derivative {k} of the {self.noun}"
-            try:
-                value = np.asarray(v)
-                value = value if value.shape == shape else np.broadcast_to(value, shape)
-                good = np.isfinite(value)
-            except (TypeError, ValueError):
-                raise InvalidInput(
-                    f"{what} {self.name!r} must be one number for each c, got "
-                    f"{type(v).__name__} of shape {np.shape(v)} for c of shape {np.shape(c)}"
-                ) from None
-            if not good.all():
-                where = np.broadcast_to(c, shape)[~good].flat[0]
-                raise InvalidInput(
-                    f"{what} {self.name!r} must be finite, it is not at c = {where:.6g}"
-                )
-            values.append(value)
-        return tuple(values)
+    def _finite(self, k: int, found: Any, c: Any, shape: tuple[int, ...]) -> Array:
+        """Derivative k as an array. Raises InvalidInput if it is none, or not finite."""
+        value = np.asarray(found)
+        try:
+            value = value if value.shape == shape else np.broadcast_to(value, shape)
+            good = np.isfinite(value)
+        except (TypeError, ValueError):
+            raise InvalidInput(
+                f"{self._named(k)} must be one number for each c, got "
+                f"{type(found).__name__} of shape {np.shape(found)} for c of shape {np.shape(c)}"
+            ) from None
+        if not good.all():
+            where = np.broadcast_to(c, shape)[~good].flat[0]
+            raise InvalidInput(f"{self._named(k)} must be finite, it is not at c = {where:.6g}")
+        return value
+
+    def _named(self, k: int) -> str:
+        return f"{f'derivative {k} of ' if k else ''}the {self.noun} {self.name!r}"
 
 
 @dataclass(frozen=True)
@@ -392,6 +393,7 @@ def refuse_unwritable(found: Relation, read: Callable[[str, Mapping[str, Any]], 
         )
 
 
+@cache
 def _field_names(kind: type) -> list[str]:
     return [f.name for f in fields(kind) if f.init] if is_dataclass(kind) else []
 

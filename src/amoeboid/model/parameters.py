@@ -96,6 +96,14 @@ class Point(Material):
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.__dict__.update(values)
 
+    def replaced(self, values: Mapping[str, Any]) -> Point:
+        """The same with other values, also of `law.n`."""
+        plain, own = _split(values)
+        relations = {
+            kind: getattr(self, kind).with_values(own[kind]) for kind in RELATIONS if own[kind]
+        }
+        return Point(self.__dict__ | relations | plain)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Parameters(Material):
@@ -197,9 +205,8 @@ class Parameters(Material):
 
     def point(self, values: Mapping[str, Any] | None = None) -> Point:
         """The parameters with `values` of some names in their place, unchecked, even complex."""
-        plain, own = _split(values or {})
-        relations = {kind: getattr(self, kind).with_values(own[kind]) for kind in RELATIONS}
-        return Point({name: getattr(self, name) for name in DIMENSIONS} | relations | plain)
+        names = (*DIMENSIONS, *RELATIONS)
+        return Point({name: getattr(self, name) for name in names}).replaced(values or {})
 
     @property
     def rate(self) -> float:

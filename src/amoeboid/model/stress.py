@@ -140,6 +140,10 @@ def isotropic_stress(
 
     SI `surfaceStressAlpha` without its viscous part.
     """
-    elastic = (-alpha * np.asarray(c), -alpha, *[0.0] * order)[: order + 1]
+    tau = -alpha * np.asarray(c)
+    slopes = (-alpha, *[0.0] * order)[:order]
+    elastic = (tau, *(np.full(tau.shape, slope) for slope in slopes))
+    if isinstance(active, NoStress):
+        return elastic
     found = active.derivatives(c, c_r, order)
     return tuple(e + a for e, a in zip(elastic, found, strict=True))

@@ -16,7 +16,7 @@ True
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -44,7 +44,10 @@ class Taylor:
     def derivatives(self) -> list[Any]:
         """Value and derivatives, in order."""
         missing = self.order + 1 - len(self.coefficients)
-        return [a * math.factorial(k) for k, a in enumerate(self.coefficients)] + [0.0] * missing
+        found = self.coefficients[:2] + [
+            a * math.factorial(k) for k, a in enumerate(self.coefficients[2:], start=2)
+        ]
+        return found + [0.0] * missing
 
     def _like(self, coefficients: Coefficients) -> Taylor:
         return Taylor(coefficients, self.order)
@@ -87,7 +90,7 @@ class Taylor:
         a, b = self.coefficients, other.coefficients
         q: Coefficients = []
         for k in range(self.order + 1):
-            known = sum(q[j] * b[k - j] for j in range(max(0, k - len(b) + 1), k))
+            known = _sum(q[j] * b[k - j] for j in range(max(0, k - len(b) + 1), k))
             q.append(((a[k] if k < len(a) else 0.0) - known) / b[0])
         return self._like(q)
 
@@ -123,7 +126,13 @@ class Taylor:
 def _convolved(a: Coefficients, b: Coefficients, k: int) -> Any:
     """Coefficient k of a product."""
     first, last = max(0, k - len(b) + 1), min(k, len(a) - 1)
-    return sum(a[j] * b[k - j] for j in range(first, last + 1))
+    return _sum(a[j] * b[k - j] for j in range(first, last + 1))
+
+
+def _sum(terms: Iterable[Any]) -> Any:
+    """The sum, without adding an array to 0 first."""
+    rest = iter(terms)
+    return sum(rest, next(rest, 0.0))
 
 
 def _integer_power(s: Taylor, n: int) -> Taylor:
@@ -145,7 +154,7 @@ def _constant_power(s: Taylor, p: Any) -> Taylor:
     b: Coefficients = [a[0] ** p]
     for k in range(1, s.order + 1):
         terms = range(1, min(k, len(a) - 1) + 1)
-        b.append(sum((p * j - (k - j)) * a[j] * b[k - j] for j in terms) / (k * a[0]))
+        b.append(_sum((p * j - (k - j)) * a[j] * b[k - j] for j in terms) / (k * a[0]))
     return Taylor(b, s.order)
 
 
@@ -156,7 +165,7 @@ def _primitive(first: Any, s: Taylor, factor: Coefficients) -> Taylor:
     for k in range(1, s.order + 1):
         lowest = max(1, k - len(factor) + 1)
         terms = range(lowest, min(k, len(a) - 1) + 1)
-        f.append(sum(j * a[j] * factor[k - j] for j in terms) / k)
+        f.append(_sum(j / k * a[j] * factor[k - j] for j in terms))
     return Taylor(f, s.order)
 
 
@@ -165,7 +174,7 @@ def exp(s: Taylor) -> Taylor:
     a = s.coefficients
     e: Coefficients = [np.exp(a[0])]
     for k in range(1, s.order + 1):
-        e.append(sum(j * a[j] * e[k - j] for j in range(1, min(k, len(a) - 1) + 1)) / k)
+        e.append(_sum(j / k * a[j] * e[k - j] for j in range(1, min(k, len(a) - 1) + 1)))
     return Taylor(e, s.order)
 
 
@@ -181,8 +190,8 @@ def _coupled(s: Taylor, first: Any, second: Any, sign: int) -> tuple[Taylor, Tay
     q: Coefficients = [second]
     for k in range(1, s.order + 1):
         terms = range(1, min(k, len(a) - 1) + 1)
-        new_p = sum(j * a[j] * q[k - j] for j in terms) / k
-        new_q = sign * sum(j * a[j] * p[k - j] for j in terms) / k
+        new_p = _sum(j / k * a[j] * q[k - j] for j in terms)
+        new_q = _sum(sign * j / k * a[j] * p[k - j] for j in terms)
         p.append(new_p)
         q.append(new_q)
     return Taylor(p, s.order), Taylor(q, s.order)
@@ -202,8 +211,8 @@ def _riccati(s: Taylor, first: Any, sign: int) -> Taylor:
     t: Coefficients = [first]
     u: Coefficients = [1 + sign * first * first]
     for k in range(1, s.order + 1):
-        t.append(sum(j * a[j] * u[k - j] for j in range(1, min(k, len(a) - 1) + 1)) / k)
-        u.append(sign * sum(t[j] * t[k - j] for j in range(k + 1)))
+        t.append(_sum(j / k * a[j] * u[k - j] for j in range(1, min(k, len(a) - 1) + 1)))
+        u.append(sign * _sum(t[j] * t[k - j] for j in range(k + 1)))
     return Taylor(t, s.order)
 
 
