@@ -183,14 +183,15 @@ class Differences:
         """See Relation.own."""
         return self.relation.own
 
-    def derivatives(self, c: Any, *others: Any, order: int) -> tuple[Array, ...]:
-        """Value and slope; order <= 1."""
-        found = self.relation.derivatives(c, *others, order=0)
+    def derivatives(self, c: Any, *rest: Any) -> tuple[Array, ...]:
+        """Value and slope at (c, ..., order); order <= 1."""
+        *others, order = rest
+        found = self.relation.derivatives(c, *others, 0)
         if order == 0:
             return found
         c = np.asarray(c)
         step = STEP * np.where(c == 0, 1.0, c)
-        low, high = (self.relation.derivatives(c + k * step, *others, order=0)[0] for k in (-1, 1))
+        low, high = (self.relation.derivatives(c + k * step, *others, 0)[0] for k in (-1, 1))
         return (*found, (high - low) / (2 * step))
 
 

@@ -93,6 +93,8 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     >>> points(Parameters(), D=[0.03, 0.4]).shape
     (2,)
     """
+    if isinstance(base, Points) and not changes:
+        return base
     relations = {
         kind: make(changes.pop(kind, getattr(base, kind))) for kind, (make, _) in RELATIONS.items()
     }
