@@ -1,11 +1,12 @@
 """One semi-implicit time step: geometry, v_p(c), force balance, shape, concentration.
 
 Second order in time, with steps of any length: backward differences (numerics/multistep.py) for
-shape and concentration. The implicit equations are solved by a simplified Newton iteration from the
-extrapolated past, accelerated (numerics/passes.py): the viscous operator is factorized once a step,
-there, and anew only where that converges slowly, as on shapes whose resistance changes as they
-move. Linearized are viscosity, tension (on the normal motion), advection, diffusion and turnover.
-The area is exact after every step.
+shape and concentration. A simplified Newton iteration solves the implicit equations. It starts from
+the extrapolated past and takes Anderson steps (numerics/iterations.py). The viscous operator is
+factorized once per step, on the extrapolated shape. If the iteration converges slowly, as on shapes
+whose viscous resistance changes as they move, the operator is factorized again. The iteration is
+implicit in viscosity, tension (for the normal motion), advection, diffusion and turnover. The area
+is exact after every step.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from amoeboid.meshes.geometry import (
 from amoeboid.meshes.intersections import embedded
 from amoeboid.meshes.relaxation import relaxation
 from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
-from amoeboid.numerics.passes import Pass, left_to_come, overshoot
+from amoeboid.numerics.iterations import Iteration, anderson_step, remaining_error
 from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import spin, turned, turning_rate
@@ -39,18 +40,18 @@ from amoeboid.surface.transport import transported
 
 AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
-# Share of the way to their resting place that nodes drift in a time 1/model.rate, at most half of
-# it in one step.
+# Nodes relax towards the mean center of their triangles at this rate, in units of model.rate, but by
+# no more than half of the distance in one step.
 MESH_RELAXATION = 1.0
-# The implicit equations count as solved when what is still to come is no more than this share of
-# the largest change by a pass, ...
+# The implicit equations have converged when the remaining error is below this share of the largest
+# change by an iteration, ...
 CONVERGED = 0.1
-# ... and no more than this share of the error of the step, or of the tolerance for it.
+# ... and below this share of the error of the step, or of the tolerance for it.
 SHARE_OF_ERROR, SHARE_OF_TOLERANCE = 0.3, 0.03
 NO_CHANGE = 1e-9
-MOST_PASSES = 15
-# So many passes are made with one factorization; every later one has its own, where the shape is.
-PATIENCE = 6
+MAX_ITERATIONS = 15
+# Iterations with one factorization; each later iteration factorizes again, on its own shape.
+MAX_REUSES = 6
 
 
 class StepFailed(ArithmeticError):
@@ -68,8 +69,8 @@ def semi_implicit_step(
 
     `history`: the present state and, if there are, those of the steps before. Two make the step;
     from the present state alone it is of first order. `before`: the flow of the last step, on the
-    same mesh, which makes the passes converge faster. `tolerance`: the error allowed in the step;
-    the passes may take a small share of it. Raises StepFailed, SingularMatrix.
+    same mesh, which makes the iterations converge faster. `tolerance`: the error allowed in the step;
+    the iterations may take a small share of it. Raises StepFailed, SingularMatrix.
     """
     t = history[0].t + dt
     turns = _turning_foreseen(model, history, t, before)
@@ -85,9 +86,9 @@ def semi_implicit_step(
     r, c, zeta0, v_c = r_ahead, c_ahead, now.zeta0, None
     r_before, c_before = r, c
     x = scaled.unknowns(r, c)
-    passes: list[Pass] = []
+    iterations: list[Iteration] = []
     while True:
-        if len(passes) >= PATIENCE:
+        if len(iterations) >= MAX_REUSES:
             near = cortex(model, r, g, implicit, zeta0, v_c)
         solution = force_balance(model, near, r, g, c, zeta0, r - r_known, v_c, turns)
         start = r_known + implicit * drift
@@ -98,14 +99,14 @@ def semi_implicit_step(
         flow = Flow(v_c + whole, solution.v_p, zeta0, g.normals, g.node_areas)
         g = geometry(r_new, model.mesh.faces)
         c_new, order = _concentration(model, past.known, r_new, g, v, c)
-        passes.append(Pass(x, scaled.unknowns(r_new, c_new)))
+        iterations.append(Iteration(x, scaled.unknowns(r_new, c_new)))
         of_order = past.expected if order == len(past.states) else past.ahead
         error = local_error(model, of_order, (r_new, c_new), flow.normals)
-        if _converged(passes, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
+        if _converged(iterations, max(SHARE_OF_ERROR * error, SHARE_OF_TOLERANCE * tolerance)):
             break
         r, c = r_new, c_new
-        if len(passes) > 1:
-            further = overshoot(*passes[-2:])
+        if len(iterations) > 1:
+            further = anderson_step(*iterations[-2:])
             r = r_new + further * (r_new - r_before)
             c = np.maximum(c_new + further * (c_new - c_before), 0.0)
             g = geometry(r, model.mesh.faces)
@@ -242,18 +243,18 @@ class _Scales:
         return np.concatenate([c * self.c, np.einsum("vi,vi->v", r, self.r)])
 
 
-def _converged(passes: Sequence[Pass], allowed: float) -> bool:
-    """Whether the passes have solved the equations up to what is `allowed`. Raises StepFailed."""
-    last = passes[-1].change
+def _converged(iterations: Sequence[Iteration], allowed: float) -> bool:
+    """Whether the remaining error is below `allowed`. Raises StepFailed."""
+    last = iterations[-1].change
     if not np.isfinite(last):
         raise StepFailed("a node position or concentration is not finite")
-    if len(passes) < 2:
+    if len(iterations) < 2:
         return False
     if last <= min(NO_CHANGE, allowed):
         return True
-    largest = max(one.change for one in passes)
-    solved = left_to_come(*passes[-2:]) <= min(CONVERGED * largest, allowed)
-    if not solved and len(passes) >= MOST_PASSES:
+    largest = max(one.change for one in iterations)
+    solved = remaining_error(*iterations[-2:]) <= min(CONVERGED * largest, allowed)
+    if not solved and len(iterations) >= MAX_ITERATIONS:
         raise StepFailed("the implicit equations of the step do not converge")
     return solved
 
