@@ -17,7 +17,7 @@ from statistics import median
 from typing import Any
 
 from amoeboid.meshes.geometry import geometry
-from amoeboid.numerics.sparse.banded import Factor
+from amoeboid.numerics.sparse import Factor
 from amoeboid.observables import observed
 from amoeboid.surface.force_balance import cortex, force_balance
 from amoeboid.surface.model import Model

@@ -11,8 +11,8 @@ from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
 from amoeboid.meshes.relaxation import even_icosphere
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.multistep import extrapolated
 from amoeboid.numerics.iterations import Iteration
+from amoeboid.numerics.multistep import extrapolated
 from amoeboid.observables import filament_number, observed
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping

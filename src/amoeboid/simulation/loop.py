@@ -15,7 +15,7 @@ from amoeboid.arrays import Array
 from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.numerics.multistep import extrapolated
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.initial import Adaptation, first_flow, initial_condition

@@ -45,7 +45,7 @@ from amoeboid.meshes.operators import (
     tensile_stiffness,
 )
 from amoeboid.numerics.compiled import compiled
-from amoeboid.numerics.sparse.banded import Factor, SingularMatrix
+from amoeboid.numerics.sparse import Factor, SingularMatrix
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import spin

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.cholesky import BlockCholesky
-from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
+from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
 from amoeboid.theory.linear import growth_rate
 
 
@@ -50,14 +49,14 @@ class Model:
         return float(growth_rate(self.parameters, 1))
 
     @cached_property
-    def vector_solver(self) -> BlockCholesky:
+    def vector_solver(self) -> SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        return BlockCholesky(self.mesh.row_start, self.mesh.columns)
+        return SparseCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
-    def scalar_solver(self) -> DominatedByDiagonal:
+    def scalar_solver(self) -> MMatrixLU:
         """Solver for (V, V) matrices of node concentrations."""
-        return DominatedByDiagonal(self.mesh.row_start, self.mesh.columns)
+        return MMatrixLU(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:

@@ -28,7 +28,7 @@ from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
 from amoeboid.numerics.arnoldi import ritz_values
 from amoeboid.numerics.recycling import NoConvergence
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model

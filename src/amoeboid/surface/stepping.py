@@ -30,8 +30,8 @@ from amoeboid.meshes.geometry import (
 )
 from amoeboid.meshes.intersections import embedded
 from amoeboid.meshes.relaxation import relaxation
-from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
 from amoeboid.numerics.iterations import Iteration, anderson_step, remaining_error
+from amoeboid.numerics.multistep import backward_difference, error_share, extrapolated
 from amoeboid.surface.force_balance import TensionFlow, cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import spin, turned, turning_rate
@@ -40,8 +40,8 @@ from amoeboid.surface.transport import transported
 
 AREA_TOLERANCE = 1e-13
 ROUNDING = 1e-12
-# Nodes relax towards the mean center of their triangles at this rate, in units of model.rate, but by
-# no more than half of the distance in one step.
+# Nodes relax towards the mean center of their triangles at this rate, in units of model.rate, but
+# by no more than half of the distance in one step.
 MESH_RELAXATION = 1.0
 # The implicit equations have converged when the remaining error is below this share of the largest
 # change by an iteration, ...
@@ -69,8 +69,8 @@ def semi_implicit_step(
 
     `history`: the present state and, if there are, those of the steps before. Two make the step;
     from the present state alone it is of first order. `before`: the flow of the last step, on the
-    same mesh, which makes the iterations converge faster. `tolerance`: the error allowed in the step;
-    the iterations may take a small share of it. Raises StepFailed, SingularMatrix.
+    same mesh, which makes the iteration converge faster. `tolerance`: the error allowed in the
+    step; the iteration may take a small share of it. Raises StepFailed, SingularMatrix.
     """
     t = history[0].t + dt
     turns = _turning_foreseen(model, history, t, before)

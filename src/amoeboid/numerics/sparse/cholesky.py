@@ -56,7 +56,7 @@ _cholesky_6, _cholesky_3 = cholesky(COLUMNS), cholesky(SIZE)
 _dots_31, _dots_34 = dots(SIZE, 1), dots(SIZE, VECTORS)
 
 
-class BlockCholesky:
+class SparseCholesky:
     """Cholesky factorization of matrices with 3 x 3 blocks on one symmetric pattern.
 
     The pattern of V nodes is in compressed rows and contains the diagonal. Kept are the analysis of

@@ -43,7 +43,7 @@ _dot = dots(1, 1)
 _gauss_6, _gauss_3, _gauss_1 = gauss(6), gauss(3), gauss(1)
 
 
-class DominatedByDiagonal:
+class MMatrixLU:
     """Solver for (n, n) matrices of one sparsity, in compressed rows.
 
     The pattern must be symmetric, contain the diagonal, and list the columns of a row ascending.
