@@ -233,7 +233,7 @@ def test_step_lengths_follow_from_the_error_of_a_short_past():
     for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
         assert step.dt == pytest.approx(dt)
         growth = simulation.SAFETY * error ** (-1 / 2)
-        assert simulation.MOST_SHRINKING < growth < simulation.MOST_GROWTH
+        assert simulation.MIN_STEP_FACTOR < growth < simulation.MAX_STEP_FACTOR
         assert step.next_dt == pytest.approx(growth * dt)
 
 

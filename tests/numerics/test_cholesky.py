@@ -92,7 +92,7 @@ def test_the_solution_does_not_depend_on_the_size_of_pieces(most, monkeypatch):
     blocks = random_matrix(mesh)
     b = np.random.default_rng(0).normal(size=3 * len(r))
     exact = solver(mesh).factor(blocks).solve(b)
-    monkeypatch.setattr(cholesky, "MOST", most)
+    monkeypatch.setattr(cholesky, "MAX_UNDIVIDED", most)
     x = solver(mesh).factor(blocks).solve(b)
     np.testing.assert_allclose(x, exact, atol=1e-14 * np.abs(exact).max() * len(r))
 

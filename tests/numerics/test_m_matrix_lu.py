@@ -62,7 +62,7 @@ def test_solutions_are_those_of_superlu(D, dt, speed, subdivisions):
 @pytest.mark.parametrize("shape", [tetrahedron, octahedron, irregular, shuffled])
 @pytest.mark.parametrize("most", [1, 2, 5, 16, 1000])
 def test_matrices_without_any_structure_but_domination_are_solved(shape, most, monkeypatch):
-    monkeypatch.setattr(m_matrix_lu, "MOST", most)
+    monkeypatch.setattr(m_matrix_lu, "MAX_UNDIVIDED", most)
     _, mesh = shape()
     rng = np.random.default_rng(0)
     entries = -rng.uniform(size=len(mesh.columns))

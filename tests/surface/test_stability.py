@@ -155,7 +155,7 @@ def test_of_a_rate_that_does_not_settle_the_error_is_known(monkeypatch):
 
 def test_where_nothing_decays_slowly_enough_it_says_so(monkeypatch):
     step = still(STIFF, 1)
-    monkeypatch.setattr(stability, "LEAST_FACTOR", 2.0)
+    monkeypatch.setattr(stability, "MIN_FACTOR", 2.0)
     found = leading_growth_rate(step.model, step.state, step.flow)
     assert found.rate is None
     assert "no disturbance was found" in found.problem
@@ -356,7 +356,7 @@ def oscillating(p, subdivisions, applications=20):
     restricted = RestrictedStep(step.model, step.state, step.flow, dt, 1e-6)
     found = ritz_values(restricted.image, restricted.start())
     values = next(v.values for k, v in enumerate(found, 1) if k == applications)
-    rates = (1 - 1 / values[np.abs(values) > stability.LEAST_FACTOR]) / dt
+    rates = (1 - 1 / values[np.abs(values) > stability.MIN_FACTOR]) / dt
     return max(rates[rates.imag > 0.5], key=lambda x: x.real)
 
 

@@ -15,11 +15,11 @@ import numpy as np
 
 from amoeboid.arrays import Array, Index
 from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
-from amoeboid.meshes.checks import FEWEST_NODES, MOST_NODES
+from amoeboid.meshes.checks import MAX_NODES, MIN_NODES
 from amoeboid.meshes.connectivity import Connectivity, connectivity
 from amoeboid.meshes.geometry import area, equilateral_edge_length, volume
 from amoeboid.simulation.loop import KEPT, Step, due_times
-from amoeboid.surface.explicit import MOST_AREA_ERROR
+from amoeboid.surface.explicit import MAX_AREA_ERROR
 from amoeboid.surface.model import Model
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.state import Flow, State
@@ -183,7 +183,7 @@ def _model(config: Config, arrays: dict[str, Array]) -> Model:
     edge_length = float(arrays["edge_length"])
     A0 = Model(config.parameters, mesh).A0
     # meshes of V nodes have 2V - 4 triangles; a mesh keeps the length that it began with
-    longest, shortest = (equilateral_edge_length(A0, 2 * n - 4) for n in (FEWEST_NODES, MOST_NODES))
+    longest, shortest = (equilateral_edge_length(A0, 2 * n - 4) for n in (MIN_NODES, MAX_NODES))
     _require(
         shortest * (1 - 1e-9) <= edge_length <= longest * (1 + 1e-9),
         f"edge_length must be between {shortest:g} and {longest:g}",
@@ -239,7 +239,7 @@ def _check_shape(model: Model, history: tuple[State, ...]) -> None:
     for state in history:
         ratio = area(state.r, faces) / model.A0
         _require(
-            abs(ratio - 1.0) <= MOST_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
+            abs(ratio - 1.0) <= MAX_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
         )
         enclosed = volume(state.r, faces)
         _require(enclosed > 0, "triangles must look outward, volume > 0", f"{enclosed:g}")

@@ -57,7 +57,7 @@ REGULARIZATION = 1e-7
 # Share of eta_s + eta_b that resists gradients of v.n: see above.
 NORMAL_VISCOSITY = 1e-3
 # Work of the pressure on dual areas and on the volume may differ by this factor.
-LEAST_FACTOR = 0.3
+MIN_FACTOR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ def _pressure(r: Array, g: Geometry, faces: Index) -> Array:
     force = g.dual_areas[:, None] * g.normals
     # about the center of area, where what `normal_force` takes off does no such work
     factor = 3.0 * volume(r, faces) / np.vdot(force, r - area_centroid(r, g))
-    if not LEAST_FACTOR < factor < 1.0 / LEAST_FACTOR:
+    if not MIN_FACTOR < factor < 1.0 / MIN_FACTOR:
         raise SingularMatrix("the mesh must resolve the surface, its dual areas do not")
     return np.asarray(force * factor)
 

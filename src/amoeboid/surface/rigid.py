@@ -21,7 +21,7 @@ from amoeboid.surface.transport import rate_of_change
 
 # Mean square of what a rotation must change, c relative to c0 + c or r.n to R0, for the cell to
 # count as one that can turn around that axis.
-LEAST_CHANGE = 1e-4
+MIN_CHANGE = 1e-4
 
 
 def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
@@ -82,7 +82,7 @@ def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Arr
     basis = np.concatenate([(of_c * (carried - (bend * c)[:, None] * tilt).T).T, of_r * tilt])
     change = np.concatenate([of_c * (c_rate - bend * c * v_n), of_r * v_n])
     weighted = (np.tile(g.node_areas / g.area, 2) * basis.T).T
-    return np.linalg.solve(basis.T @ weighted + LEAST_CHANGE * np.eye(3), weighted.T @ change)
+    return np.linalg.solve(basis.T @ weighted + MIN_CHANGE * np.eye(3), weighted.T @ change)
 
 
 @compiled

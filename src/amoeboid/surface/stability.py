@@ -42,11 +42,11 @@ STEP, SHARES = 1.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
 TOLERANCE = 1e-5
 # Smaller factors are modes that die out within a step, and noise.
-LEAST_FACTOR = 0.1
+MIN_FACTOR = 0.1
 # Estimated error of a rate at which it counts as found, in units of model.rate.
 SETTLED = 0.02
 # A rate whose sign is still open goes on down to this error.
-SHARPEST = 1e-3
+MIN_ERROR = 1e-3
 # Condition numbers of the compressed map are below those of the map itself, by up to so much.
 SAFETY = 3.0
 # Share of the error that counts for little.
@@ -103,12 +103,12 @@ def _with_steps(
     model: Model, state: State, flow: Flow, step: float, tolerance: float, settled: float
 ) -> Growth:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance)
-    wanted, sharpest = settled * model.rate, min(SHARPEST, settled) * model.rate
+    wanted, sharpest = settled * model.rate, min(MIN_ERROR, settled) * model.rate
     best = Growth(None, problem="no disturbance was found that decays slowly enough to be seen")
     for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
         if count > MAX_APPLICATIONS:
             break
-        seen = np.flatnonzero(np.abs(found.values) > LEAST_FACTOR)
+        seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
         if count < MIN_APPLICATIONS or not len(seen):
             continue
         mu = found.values[seen]

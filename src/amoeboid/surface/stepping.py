@@ -18,7 +18,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import (
-    LEAST_QUALITY,
+    MIN_QUALITY,
     Geometry,
     area_along,
     face_vectors,
@@ -324,9 +324,9 @@ def check_step(model: Model, old: State, new: State) -> None:
     if not (np.all(np.isfinite(new.r)) and np.all(np.isfinite(new.c)) and np.isfinite(new.zeta0)):
         raise StepFailed("a node position, concentration or tension is not finite")
     before, after = (face_vectors(state.r, model.mesh.faces) for state in (old, new))
-    if mesh_quality(new.r, model.mesh.faces) < LEAST_QUALITY:
+    if mesh_quality(new.r, model.mesh.faces) < MIN_QUALITY:
         raise StepFailed(
-            f"a triangle has degenerated (quality below {LEAST_QUALITY:g}): the cell deforms more "
+            f"a triangle has degenerated (quality below {MIN_QUALITY:g}): the cell deforms more "
             "than its mesh can follow; increase mesh.subdivisions or delta_P"
         )
     if np.einsum("fi,fi->f", before, after).min() <= 0:
