@@ -37,7 +37,7 @@ SOFT = Parameters(D=0.4, v_p0=6.0, delta_P=3.0)
 
 def carried(state, faces, change):
     r, c = transferred(state.r, state.c, faces, change)
-    return replace(state, r=r, c=c, turning=None)
+    return replace(state, r=r, c=c, angular_velocity=None)
 
 
 def stretched(factor, subdivisions=2, seed=0):

@@ -23,7 +23,7 @@ from amoeboid.surface.state import State
 from amoeboid.surface.stepping import (
     StepFailed,
     difference,
-    foreseen,
+    extrapolation,
     local_error,
     semi_implicit_step,
     starting_step,
@@ -56,7 +56,7 @@ unit_vectors = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.nor
 @settings(max_examples=8)
 @given(axis=unit_vectors, angle=st.floats(0.1, 3.0))
 def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
-    """The whole method, mesh included, turns with the cell: the same numbers to rounding."""
+    """The whole method, mesh included, omega with the cell: the same numbers to rounding."""
     model, rest = sphere(POLARIZED, 1)
     state = perturbed(model, rest, Initial(perturbation=1.0, direction=(0.2, 0.5, -0.7)))
     turn = rotation_matrix(axis, angle)
@@ -169,7 +169,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
 
 
 def test_an_oblique_soft_cell_comes_to_rest_although_its_mesh_turns_it():
-    """No force holds the axis: the mesh turns it, at a rate that never falls below STEADY."""
+    """No force holds the axis: the mesh omega it, at a rate that never falls below STEADY."""
     config = Config(
         parameters=replace(POLARIZED, delta_P=11.0),
         mesh=Mesh(subdivisions=2),
@@ -301,7 +301,7 @@ def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
         state, *_ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
         history = (state, *history[:2])
     found, flow, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
-    expected = foreseen(history, found.t)
+    expected = extrapolation(history, found.t)
     error = local_error(model, expected, (found.r, found.c), flow.normals)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-9)
     monkeypatch.setattr(stepping, "MAX_ITERATIONS", 60)
@@ -397,9 +397,9 @@ def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
     begin = perturbed(model, rest, Initial(perturbation=2.99))
     seen, balance = [], stepping.force_balance
 
-    def watched(model, near, r, g, c, *rest):
+    def watched(model, factorized, r, g, c, *rest):
         seen.append(c.min())
-        return balance(model, near, r, g, c, *rest)
+        return balance(model, factorized, r, g, c, *rest)
 
     monkeypatch.setattr(stepping, "force_balance", watched)
     monkeypatch.setattr(stepping, "anderson_step", lambda before, last: 1e3)

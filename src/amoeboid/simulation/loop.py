@@ -23,7 +23,14 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.state import Flow, State
-from amoeboid.surface.steadiness import CHANGED, PATIENCE, STEADY, UNSTABLE, Rest, relative_rate
+from amoeboid.surface.steadiness import (
+    CHANGED,
+    MAX_GROWTH_TIMES,
+    STEADY,
+    UNSTABLE,
+    Rest,
+    relative_rate,
+)
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step, starting_step
 from amoeboid.validation import InvalidInput
 
@@ -78,7 +85,7 @@ class Step:
     def in_vain(self) -> bool:
         """Whether growth has been waited for so long that it is none of the run."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
-        return self._grows and waited * (self.growth or 0.0) > PATIENCE
+        return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
     @property
     def _grows(self) -> bool:

@@ -1,4 +1,4 @@
-"""The discretized model, the state it acts on, and the flow that one evaluation gives."""
+"""The discretized model: parameters on a mesh, with the solvers for its matrices."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from amoeboid.theory.linear import growth_rate
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Parameters on a connectivity; holds no solution.
+    """Parameters on a connectivity; contains no solution.
 
-    `edge_length` [L] is what remeshing aims at: that of equilateral triangles of the area A0, as
-    many as the run began with.
+    `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
+    the total area A0, as many as at the beginning of the run.
     """
 
     parameters: Parameters
@@ -40,7 +40,7 @@ class Model:
 
     @cached_property
     def rate(self) -> float:
-        """Parameters.rate: the unit in which slow and steady are measured [1/T]."""
+        """Parameters.rate, the unit of all rates of change [1/T]."""
         return self.parameters.rate
 
     @cached_property
