@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.iterations import Iteration
 from amoeboid.numerics.multistep import extrapolated
@@ -147,7 +147,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
     p = Parameters(beta=0, D=0, v_p0=0.1, law="v_p0 + 0*c")
     ratios = []
     for subdivisions in (2, 3, 4):
-        r, faces = even_icosphere(subdivisions)
+        r, faces = uniform_icosphere(subdivisions)
         x, y, z = r.T
         disturbed = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
         disturbed /= np.linalg.norm(disturbed, axis=1, keepdims=True)

@@ -79,10 +79,10 @@ class Step:
     @property
     def unstable(self) -> bool:
         """Whether the cell does not change, but a small disturbance grows."""
-        return self._grows and not self.in_vain
+        return self._grows and not self.growth_not_seen
 
     @property
-    def in_vain(self) -> bool:
+    def growth_not_seen(self) -> bool:
         """Whether growth has been waited for so long that it is none of the run."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
         return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
@@ -116,7 +116,7 @@ class Step:
             return "the cell still changes"
         if self.growth is None or self.growth_error is None:
             return self.rest.growth.problem
-        if self.in_vain:
+        if self.growth_not_seen:
             return (
                 f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
                 "shown; the mesh may be too coarse for it, or time.max_step too long for an "
