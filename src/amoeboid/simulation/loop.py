@@ -70,7 +70,7 @@ class Step:
 
     @property
     def steady(self) -> bool:
-        """Whether the cell does not change, and no small disturbance is known to grow.
+        """Whether the cell does not change, and no small perturbation is known to grow.
 
         It need not be stable for that: see `stability`.
         """
@@ -78,12 +78,12 @@ class Step:
 
     @property
     def unstable(self) -> bool:
-        """Whether the cell does not change, but a small disturbance grows."""
+        """Whether the cell does not change, but a small perturbation grows."""
         return self._grows and not self.growth_not_seen
 
     @property
     def growth_not_seen(self) -> bool:
-        """Whether growth has been waited for so long that it is none of the run."""
+        """Whether predicted growth has not appeared within the time allowed for it."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
         return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
@@ -94,7 +94,7 @@ class Step:
 
     @property
     def growth(self) -> float | None:
-        """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
+        """Growth rate of the fastest growing perturbation [1/T] of a cell at rest, if known."""
         return None if self.rest is None else self.rest.growth.rate
 
     @property
@@ -118,13 +118,13 @@ class Step:
             return self.rest.growth.problem
         if self.growth_not_seen:
             return (
-                f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
-                "shown; the mesh may be too coarse for it, or time.max_step too long for an "
+                f"a growth rate of {self.growth:.3g} per unit time is predicted, but no growth "
+                "appeared; the mesh may be too coarse for it, or time.max_step too long for an "
                 "oscillation"
             )
         if abs(self.growth) <= self.growth_error:
             return (
-                f"the growth rate of the fastest disturbance, {self.growth:.3g} per unit of time, "
+                f"the growth rate of the fastest perturbation, {self.growth:.3g} per unit time, "
                 f"is only known to {self.growth_error:.2g}"
             )
         return ""
