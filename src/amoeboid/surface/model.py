@@ -9,12 +9,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse.cholesky import BlockCholesky
 from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
-from amoeboid.theory.linear import growth_rate
 
 
 @dataclass(frozen=True, eq=False)
