@@ -15,7 +15,7 @@ from amoeboid.arrays import Array
 from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.numerics.multistep import extrapolated
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
@@ -23,7 +23,14 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.state import Flow, State
-from amoeboid.surface.steadiness import CHANGED, PATIENCE, STEADY, UNSTABLE, Rest, relative_rate
+from amoeboid.surface.steadiness import (
+    CHANGED,
+    MAX_GROWTH_TIMES,
+    STEADY,
+    UNSTABLE,
+    Rest,
+    relative_rate,
+)
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step, starting_step
 from amoeboid.validation import InvalidInput
 
@@ -32,7 +39,7 @@ START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
 # Times that differ by less than this share of the interval between two frames are one time.
 SAME_TIME = 1e-9
-SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
+SAFETY, MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
 STABLE_GROWTH = 2.4
 
@@ -78,7 +85,7 @@ class Step:
     def in_vain(self) -> bool:
         """Whether growth has been waited for so long that it is none of the run."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
-        return self._grows and waited * (self.growth or 0.0) > PATIENCE
+        return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
     @property
     def _grows(self) -> bool:
@@ -276,8 +283,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         order = 2 if len(past) > 2 else 1
         factor = np.clip(
             SAFETY * (time.tolerance / max(error, 1e-300)) ** (1 / (order + 1)),
-            MOST_SHRINKING,
-            MOST_GROWTH,
+            MIN_STEP_FACTOR,
+            MAX_STEP_FACTOR,
         )
         if error > time.tolerance:
             why = f"the error of one step stays above time.tolerance = {time.tolerance:g}"

@@ -16,7 +16,7 @@ from amoeboid.meshes.geometry import area, volume_centroid
 from amoeboid.meshes.relaxation import even_icosphere
 from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.equilibrium import flow_of, relaxed
 from amoeboid.surface.model import Model
