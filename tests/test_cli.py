@@ -16,13 +16,13 @@ import pytest
 
 from amoeboid.cli.main import COMMANDS, main
 from amoeboid.cli.run import _stability
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
 from amoeboid.output import folder as store
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
-from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
 RUN_KEYS = {

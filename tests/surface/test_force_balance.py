@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.meshes.connectivity import icosphere
 from amoeboid.meshes.geometry import area_gradient, geometry, volume, volume_centroid
 from amoeboid.meshes.operators import (
@@ -25,7 +26,6 @@ from amoeboid.surface.force_balance import (
 )
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
-from amoeboid.theory.linear import base_tension
 from surface.shapes import lumpy, observed_orders
 
 

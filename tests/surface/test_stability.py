@@ -8,6 +8,7 @@ import pytest
 
 from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
@@ -24,7 +25,6 @@ from amoeboid.surface.rigid import gradient
 from amoeboid.surface.stability import Growth, RestrictedStep, leading_growth_rate
 from amoeboid.surface.state import State
 from amoeboid.surface.stepping import semi_implicit_step
-from amoeboid.theory.linear import growth_rate
 from surface.shapes import observed_orders
 
 STIFF = Parameters(D=0.4, v_p0=6.0)

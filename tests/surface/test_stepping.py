@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
@@ -29,7 +30,6 @@ from amoeboid.surface.stepping import (
     starting_step,
 )
 from amoeboid.surface.transport import rate_of_change
-from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 from surface.orders import in_short_steps, measured_orders
 

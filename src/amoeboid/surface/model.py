@@ -9,11 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
-from amoeboid.theory.linear import growth_rate
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.model.polymerization import Exponential, Inverse
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
-from amoeboid.theory.roots import roots_about
 from amoeboid.validation import InvalidInput
 
 # A law that scales with v_p0 to this accuracy over the whole range of the root search has the

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.amplitude import cubic_coefficient_at_speed, second_harmonic
-from amoeboid.theory.linear import MAX_THRESHOLDS, driving_slope, thresholds
-from amoeboid.theory.points import AnyPoints, Points, points
-from amoeboid.theory.roots import roots_about
+from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed, second_harmonic
+from amoeboid.closed_forms.linear import MAX_THRESHOLDS, driving_slope, thresholds
+from amoeboid.closed_forms.points import AnyPoints, Points, points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.validation import InvalidInput
 
 
