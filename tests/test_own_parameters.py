@@ -13,6 +13,9 @@ from amoeboid.axisymmetric.branches import polarized_branch
 from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
 from amoeboid.cli.main import main
+from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.linear import critical_speed, growth_rate
+from amoeboid.closed_forms.points import points
 from amoeboid.config import Config, config_from_toml, config_to_toml, with_settings
 from amoeboid.model.constitutive import NoDerivatives
 from amoeboid.model.natural_units import in_units
@@ -28,9 +31,6 @@ from amoeboid.model.stress import Contractility, Stress
 from amoeboid.numerics.continuation import COMPLEX_STEP, Options, follow
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
-from amoeboid.theory.amplitude import cubic_coefficient
-from amoeboid.theory.linear import critical_speed, growth_rate
-from amoeboid.theory.points import points
 from amoeboid.validation import InvalidInput
 from unit_systems import SI
 
@@ -87,9 +87,7 @@ def test_every_way_to_write_a_law_has_the_same_values_and_derivatives(law):
     n = p.value("law.n")
     plain = Parameters(law=HILL.replace("n", repr(n)))
     c = np.array([0.4, 1.0, 3.0])
-    for found, expected in zip(
-        p.v_p_derivatives(c, 5), plain.v_p_derivatives(c, 5), strict=True
-    ):
+    for found, expected in zip(p.v_p_derivatives(c, 5), plain.v_p_derivatives(c, 5), strict=True):
         np.testing.assert_allclose(found, expected, rtol=1e-13)
     np.testing.assert_allclose(p.v_p(c), p.v_p_derivatives(c, 1)[0], rtol=1e-15)
     assert critical_speed(p) == pytest.approx(float(critical_speed(plain)), rel=1e-13)
@@ -252,9 +250,7 @@ def test_own_parameters_broadcast_in_the_theory():
 
 def test_laws_and_stresses_are_the_same_in_any_units():
     """Numbers in an expression and own parameters belong to its own units."""
-    p = Parameters(
-        law=Custom("v_p0*exp(-(c - 3)/n)", n=2), stress=Saturating(chi=0.3), alpha=0.05
-    )
+    p = Parameters(law=Custom("v_p0*exp(-(c - 3)/n)", n=2), stress=Saturating(chi=0.3), alpha=0.05)
     q = in_units(p, SI)
     assert q.names == p.names
     c = np.array([0.5, 2.0, 5.0])

@@ -118,7 +118,8 @@ names: list[str] = [p.law.name for p in points]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("more", "problem"), [("", None), ("Parameters(law=3)", '"int"; expected "str | Law | Callable[..., Any]"')]
+    ("more", "problem"),
+    [("", None), ("Parameters(law=3)", '"int"; expected "str | Law | Callable[..., Any]"')],
 )
 def test_programs_of_users_pass_strict_type_checks(more, problem, tmp_path):
     pytest.importorskip("mypy", reason="the type checker is not installed")

@@ -114,7 +114,7 @@ class Time:
         "longest step, 0.5/rate; if explicit the step, 1e-5/rate", "T", gt=0
     )
     stop_when_steady: bool = flag(
-        True, "end the run once it is steady: nothing changes, and no disturbance grows"
+        True, "end the run once it is steady: nothing changes, and no perturbation grows"
     )
 
     def __post_init__(self) -> None:
@@ -239,7 +239,7 @@ def _inside(name: str, folder: Path, path: str) -> Path:
 
 def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
     """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
-    sections = {}
+    sections: dict[str, Any] = {}
     for section, values in changes.items():
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):

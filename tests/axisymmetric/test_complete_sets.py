@@ -1,7 +1,5 @@
 """No state is lost: next to folds and thresholds, in any window; or that is said."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 

@@ -17,14 +17,9 @@ import pytest
 from amoeboid.axisymmetric.onset import onset_speed, onset_speeds, onsets
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import homogeneous
-from amoeboid.model.parameters import Parameters, parameters_from
-from amoeboid.model.stress import Stress
-from amoeboid.surface.equilibrium import flow_of
-from amoeboid.surface.initial import sphere
-from amoeboid.surface.stability import leading_growth_rate
-from amoeboid.theory.amplitude import at_threshold
-from amoeboid.theory.branch import branch
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.amplitude import at_threshold
+from amoeboid.closed_forms.branch import branch
+from amoeboid.closed_forms.linear import (
     base_tension,
     critical_speed,
     first_mode,
@@ -32,9 +27,14 @@ from amoeboid.theory.linear import (
     mode_onsets,
     thresholds,
 )
-from amoeboid.theory.phase_boundary import phase_boundary
-from amoeboid.theory.points import infinite_pressure, points
-from amoeboid.theory.summary import summary
+from amoeboid.closed_forms.phase_boundary import phase_boundary
+from amoeboid.closed_forms.points import infinite_pressure, points
+from amoeboid.closed_forms.summary import summary
+from amoeboid.model.parameters import Parameters, parameters_from
+from amoeboid.model.stress import Stress
+from amoeboid.surface.equilibrium import flow_of
+from amoeboid.surface.initial import sphere
+from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.validation import InvalidInput
 from cross.test_theory_against_axisymmetric import measured_branch
 from surface.shapes import observed_orders

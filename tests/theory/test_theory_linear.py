@@ -7,22 +7,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import theory.shell_equations as model
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     base_tension,
     critical_pressure,
     critical_speed,
     driving_slope,
-    stress_slope,
     finite_pressure_matrix,
     finite_pressure_rates,
     first_mode,
     flow_response,
     growth_rate,
     mode_onsets,
+    stress_slope,
     thresholds,
 )
-from amoeboid.theory.points import points
+from amoeboid.closed_forms.points import points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.sample_points import LAWS, sample_points, symbol_values
 

@@ -30,7 +30,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.model.parameters import Parameters, Point
+from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
@@ -98,7 +98,7 @@ class Dynamics:
     n: int = MODES
 
     @cached_property
-    def point(self) -> Point:
+    def point(self) -> ParameterPoint:
         """The parameters as plain attributes."""
         return self.parameters.point()
 

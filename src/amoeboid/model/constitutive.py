@@ -24,7 +24,6 @@ from amoeboid.numerics.expressions import Expression, NoExpression, parsed
 from amoeboid.numerics.taylor import Taylor
 from amoeboid.validation import InvalidInput, refuse_unknown
 
-
 # Step of difference quotients, relative to c: cube root of the rounding.
 STEP = 6e-6
 
@@ -366,10 +365,10 @@ def declared_dimension(spec: Any, named: Mapping[str, type[Relation]], name: str
     return {f.name: f.metadata.get("unit") for f in declared}.get(name)
 
 
-def _of_class(
-    kind: type[AnyRelation], word: str, own: Mapping[str, Any]
-) -> AnyRelation:
-    declared = {f.name: f for f in fields(kind) if f.init} if is_dataclass(kind) else {}
+def _of_class(kind: type[AnyRelation], word: str, own: Mapping[str, Any]) -> AnyRelation:
+    declared: dict[str, Any] = {}
+    if is_dataclass(kind):
+        declared = {f.name: f for f in fields(kind) if f.init}
     refuse_unknown(own, declared, f"parameter of the {kind.noun} {word!r}")
     for name, f in declared.items():
         if name not in own and f.default is MISSING and f.default_factory is MISSING:

@@ -90,19 +90,19 @@ class Material:
         return self.alpha != 0 or not isinstance(self.stress, NoStress)
 
 
-class Point(Material):
+class ParameterPoint(Material):
     """Parameters as plain attributes, unchecked; some may be complex."""
 
     def __init__(self, values: Mapping[str, Any]) -> None:
         self.__dict__.update(values)
 
-    def replaced(self, values: Mapping[str, Any]) -> Point:
+    def replaced(self, values: Mapping[str, Any]) -> ParameterPoint:
         """The same with other values, also of `law.n`."""
         plain, own = _split(values)
         relations = {
             kind: getattr(self, kind).with_values(own[kind]) for kind in RELATIONS if own[kind]
         }
-        return Point(self.__dict__ | relations | plain)
+        return ParameterPoint(self.__dict__ | relations | plain)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,9 +144,10 @@ class Parameters(Material):
         What is left out is as in `PAPER_CELL`, the cell of the paper's estimates. The units of the
         numbers are those of the cell: length R0, time 1/beta (R0^2/D without turnover), mass
         eta_s/beta, filaments c_r R0^2; `units` holds their size, and `quantity` converts results
-        back. So are numbers within an expression, and its own parameters; those whose dimension is
-        declared (`stress.chi` of "contractility") are quantities too. Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong
-        dimension, naming the parameter.
+        back. Numbers in an expression and own parameters of law and stress are in the units of the
+        cell; those whose dimension is declared (`stress.chi` of "contractility") are quantities.
+        Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong dimension,
+        naming the parameter.
 
         >>> cell = Parameters.physical(R0="10 um", v_p0="1.7 um/s")
         >>> cell.R0, f"{cell.quantity(cell.v_p0, 'L/T'):.2f}"
@@ -203,10 +204,10 @@ class Parameters(Material):
         kind, dot, own = name.partition(".")
         return declared_dimension(getattr(self, kind), {}, own) if dot else DIMENSIONS.get(name)
 
-    def point(self, values: Mapping[str, Any] | None = None) -> Point:
+    def point(self, values: Mapping[str, Any] | None = None) -> ParameterPoint:
         """The parameters with `values` of some names in their place, unchecked, even complex."""
         names = (*DIMENSIONS, *RELATIONS)
-        return Point({name: getattr(self, name) for name in names}).replaced(values or {})
+        return ParameterPoint({name: getattr(self, name) for name in names}).replaced(values or {})
 
     @property
     def rate(self) -> float:
@@ -281,9 +282,7 @@ def _with_relations(values: Mapping[str, Any], base: Parameters) -> dict[str, An
     return plain
 
 
-def _own_number(
-    name: str, value: Any, units: Units, spec: Any, named: Mapping[str, Any]
-) -> Any:
+def _own_number(name: str, value: Any, units: Units, spec: Any, named: Mapping[str, Any]) -> Any:
     """A parameter of a law or stress in the units of a cell; numbers are so already."""
     if isinstance(value, int | float):
         return value

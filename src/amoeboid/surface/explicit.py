@@ -7,10 +7,10 @@ the Lagrangian balance dc/dt = -(div_s v) c + D lap_s c + beta (c0 - c); the adv
 beside the algorithm would count v.grad c twice. Then the nodes are moved back along the surface,
 and c is interpolated at their new places.
 
-Tension and isotropic stress are the exact derivatives of the energy (SI `energy`), without the normal
-projection of `force_balance`; pressure is that of `force_balance`, so that both start from one
-equilibrium. The stiff shape modes limit the step: to less than 1e-4 on
-642 nodes at delta_P R0/(eta_s rate) = 300, in inverse proportion to delta_P and number of nodes.
+Tension and isotropic stress are the exact derivatives of the energy (SI `energy`), without the
+normal projection of `force_balance`; pressure is that of `force_balance`, so that both start from
+one equilibrium. The stiff shape modes limit the step: to less than 1e-4 on 642 nodes at delta_P
+R0/(eta_s rate) = 300, in inverse proportion to delta_P and number of nodes.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ MESH_RELAXATION = 2.0
 # force of a flow at model.rate.
 RESIDUAL = 1e-7
 # Conjugate gradients need some hundred iterations from nothing and a few from the previous flow.
-MOST_ITERATIONS = 100_000
+MAX_ITERATIONS = 100_000
 # |A/A0 - 1| after a step that is no error of order dt^2 any more: stable steps leave under 1e-5.
-MOST_AREA_ERROR = 1e-3
+MAX_AREA_ERROR = 1e-3
 
 
 def explicit_step(
@@ -81,10 +81,10 @@ def explicit_step(
         raise StepFailed(f"the concentration is no longer >= 0: {new.c.min():.3g}")
     check_step(model, state, new)
     wrong = abs(area(new.r, mesh.faces) / model.A0 - 1.0)
-    if wrong > MOST_AREA_ERROR:
+    if wrong > MAX_AREA_ERROR:
         raise StepFailed(
             f"the step is too long for the stiff shape modes: its area is off by {wrong:.2g}, more "
-            f"than {MOST_AREA_ERROR:g}; shorten time.max_step"
+            f"than {MAX_AREA_ERROR:g}; shorten time.max_step"
         )
     return new, Flow(v_c - drift, v_p, zeta0, g.normals, g.node_areas)
 
@@ -113,7 +113,7 @@ def constrained_flow(
         per_area,
         start,
         least,
-        MOST_ITERATIONS,
+        MAX_ITERATIONS,
     )
     if not found.residual <= least:
         raise StepFailed(

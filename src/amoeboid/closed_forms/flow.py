@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     driving_derivatives,
     driving_slope,
     flow_response,
     shape_response,
     stress_slope,
 )
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput
 
 

@@ -102,9 +102,7 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     found = Points(**values, **relations)
     by_name = {f.name: f for f in _NUMBERS}
     refuse_unknown(changes, (*found._columns(), *RELATIONS), "parameter")
-    checked = {
-        name: _checked(name, by_name.get(name), value) for name, value in changes.items()
-    }
+    checked = {name: _checked(name, by_name.get(name), value) for name, value in changes.items()}
     found = _with_numbers(found, checked)
     try:
         _ = found.shape

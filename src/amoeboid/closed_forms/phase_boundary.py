@@ -9,16 +9,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.amplitude import cubic_coefficient_at_speed, second_harmonic
-from amoeboid.theory.linear import (
-    MOST_THRESHOLDS,
+from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed, second_harmonic
+from amoeboid.closed_forms.linear import (
+    MAX_THRESHOLDS,
     critical_slope,
     driving_slope,
     growth_rate,
     thresholds,
 )
-from amoeboid.theory.points import AnyPoints, Points, points
-from amoeboid.theory.roots import roots_about
+from amoeboid.closed_forms.points import AnyPoints, Points, points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.validation import InvalidInput
 
 
@@ -39,8 +39,8 @@ def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
     """All D > 0 at which nu = 0 at the threshold, for each c0, at delta_P of p.
 
     Main text figure 3C is `phase_boundary(infinite_pressure(p), c0)`. For any law, viscosity ratio
-    and isotropic stress; D and v_p0 of p are not used. On the curve lambda_1 = 0 gives D as a function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for
-    c0 <= 0.
+    and isotropic stress; D and v_p0 of p are not used. On the curve lambda_1 = 0 gives D as a
+    function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for c0 <= 0.
     """
     base = points(p)
     values = np.atleast_1d(points(base, c0=c0).c0)
@@ -75,5 +75,5 @@ def _crossings(p: Points) -> list[tuple[float, float]]:
         nu, rate = cubic_coefficient_at_speed(at), second_harmonic(at).rate_at_rest
         return np.where(allowed, nu * rate, np.nan)
 
-    roots = islice(roots_about(numerator, float(scale)), MOST_THRESHOLDS)
+    roots = islice(roots_about(numerator, float(scale)), MAX_THRESHOLDS)
     return [(float(diffusion_at_threshold(p, v)), v) for v in roots]
