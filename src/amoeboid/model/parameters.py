@@ -11,8 +11,8 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.constitutive import declared_dimension, refuse_unwritable
 from amoeboid.model.polymerization import NAMED_LAWS, LawField, law
+from amoeboid.model.specified import declared_dimension, refuse_unwritable
 from amoeboid.model.stress import (
     NAMED_STRESSES,
     NoStress,

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.constitutive import FromExpression, FromFunction, Relation, made
+from amoeboid.model.constitutive import Relation
+from amoeboid.model.specified import FromExpression, FromFunction, made
 from amoeboid.numerics.taylor import Taylor
 from amoeboid.validation import InvalidInput
 

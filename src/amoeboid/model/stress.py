@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.constitutive import FromExpression, FromFunction, Relation, made
+from amoeboid.model.constitutive import Relation
+from amoeboid.model.specified import FromExpression, FromFunction, made
 from amoeboid.validation import number, validate
 
 
