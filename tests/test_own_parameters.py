@@ -10,7 +10,7 @@ import pytest
 
 import amoeboid
 from amoeboid.axisymmetric.branches import polarized_branch
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
+from amoeboid.axisymmetric.onset import departure, onset_speed, onsets, onsets_anywhere
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
 from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient
@@ -349,3 +349,18 @@ def test_a_law_of_the_default_is_that_of_the_paper():
     assert Parameters().law == Exponential()
     assert Parameters().stress.name == "none"
     assert not Parameters().has_isotropic_stress
+
+
+@pytest.mark.parametrize("start", [0.0, 0.2, -0.2])
+def test_onsets_in_a_parameter_of_the_stress_are_found_in_any_units(start):
+    """From no stress too: the window is that of the cell. Towards contraction the sphere polarizes.
+
+    lambda_1 = 0 at chi = 2 S/R0 (D/R0 + beta R0/2 + v_p'(c0) c0)/c0 for v_p0 = 3.
+    """
+    p = parameters_from({"stress": "chi*c", "stress.chi": start, "v_p0": 3.0})
+    exact = 4 / 3 * (0.53 - 9 * np.exp(-3))
+    found = [onsets_anywhere(cell, "stress.chi") for cell in (p, in_units(p, SI))]
+    if start < 0:  # the window has the sign of the parameter
+        assert found == [(), ()]
+    else:
+        np.testing.assert_allclose(found, [[exact], [exact]], rtol=1e-9)
