@@ -107,6 +107,7 @@ def test_figure_3d_is_accurate_and_of_second_order_whatever_the_poles(direction)
     assert orders(errors["c_rear"])[0] > 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [ALONG_EDGE, ALONG_VALENCE_FIVE])
 def test_a_soft_cell_is_accurate_and_of_second_order(direction):
     errors = errors_on(Parameters(D=0.4, v_p0=6.0, delta_P=11.0), (3, 4), direction, 2.1)
