@@ -25,7 +25,8 @@ from amoeboid.config import Config, Initial, Mesh, Time  # noqa: E402
 from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.model.polymerization import Inverse  # noqa: E402
 from amoeboid.observables import observed  # noqa: E402
-from amoeboid.simulation.loop import Diverged, evolve, start  # noqa: E402
+from amoeboid.simulation.loop import evolve, start  # noqa: E402
+from amoeboid.simulation.step_length import Diverged  # noqa: E402
 
 OBSERVED = ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
 # Below this share of c0 a front is empty; its error is then one of the share of c0, not of itself.
@@ -100,7 +101,7 @@ def shell(p: Parameters, subdivisions: int) -> tuple[int, dict[str, float]]:
         raise NotComparable(f"the shell at {p} diverges: {error}") from None
     if last.ended != "steady":
         raise NotComparable(f"the shell at {p} is not steady but at the {last.ended}")
-    return len(last.state.c), observed(last.model, last.state, last.flow)
+    return len(last.state.c), observed(last.cell)
 
 
 def _start(p: Parameters) -> float:

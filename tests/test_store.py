@@ -35,6 +35,7 @@ from amoeboid.output.folder import (
     write_text,
 )
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
 CONFIG = Config(
@@ -73,7 +74,7 @@ def test_frames_open_in_pyvista_with_all_fields(tmp_path):
     np.testing.assert_array_equal(surface["c"], last.state.c)
     np.testing.assert_array_equal(surface["v"], last.flow.v_c + last.flow.v_p)
     np.testing.assert_array_equal(
-        surface["retrograde_flow"], retrograde_flow(model, last.state, last.flow)
+        surface["retrograde_flow"], retrograde_flow(SurfaceCell(model, last.state, last.flow))
     )
     assert surface.field_data["t"][0] == last.state.t
     # the triangles look outward, as VTK wants it
@@ -87,7 +88,7 @@ def test_time_series_has_every_step_and_observable(tmp_path):
     assert table.dtype.names == columns
     assert np.array_equal(table["step"], np.arange(last.number + 1))
     assert np.all(np.isfinite([table[name] for name in columns]))
-    for name, value in observed(model, last.state, last.flow).items():
+    for name, value in observed(SurfaceCell(model, last.state, last.flow)).items():
         assert table[name][-1] == value
 
 

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.observables import OBSERVABLES, observed
-    from amoeboid.simulation.loop import Diverged, Step, evolve, start
+    from amoeboid.simulation.loop import evolve, start
+    from amoeboid.simulation.step import Step
+    from amoeboid.simulation.step_length import Diverged
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
     from amoeboid.theory.branch import prediction
@@ -34,7 +36,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "Config": "config",
     "Custom": "model.polymerization",
-    "Diverged": "simulation.loop",
+    "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
     "Flow": "surface.state",
     "Initial": "config",
@@ -47,7 +49,7 @@ _HOMES = {
     "Output": "config",
     "Parameters": "model.parameters",
     "State": "surface.state",
-    "Step": "simulation.loop",
+    "Step": "simulation.step",
     "Time": "config",
     "branch_from_sphere": "axisymmetric.branches",
     "config_from_toml": "config",

@@ -10,7 +10,6 @@ from amoeboid.axisymmetric.steady import (
     SteadySystem,
     homogeneous,
     newton_solution,
-    series_maximum,
     steady_state,
     strong_residual,
 )
@@ -165,10 +164,11 @@ def test_length_and_time_units_do_not_matter():
 def test_the_maximum_is_taken_between_the_points_too():
     # sin(x) + sin(2 x) has its maximum where cos(x) = (sqrt(33) - 1)/8
     x = np.arccos((np.sqrt(33) - 1) / 8)
-    assert series_maximum(np.array([1.0, 1.0])) == pytest.approx(
-        np.sin(x) + np.sin(2 * x), rel=1e-14
-    )
-    assert series_maximum(np.zeros(3)) == 0.0
+    cell = homogeneous(Parameters()).cell
+    at = cell.shape.grid.x
+    along = (np.sin(at) + np.sin(2 * at))[:, None] * cell.tangents
+    assert cell.max_length(along) == pytest.approx(np.sin(x) + np.sin(2 * x), rel=1e-14)
+    assert cell.max_length(0.0 * along) == 0.0
 
 
 def test_a_hopeless_start_is_reported_not_returned_as_a_solution():

@@ -40,4 +40,4 @@ def test_a_cell_turns_where_its_straight_motion_is_unstable(delta_P, v_p0, begin
     print(delta_P, v_p0, last.ended, angle, speed.mean())
     assert angle > np.pi if turns else angle < 0.1
     # nearly round all the time
-    assert reduced_volume(last.model, last.state, last.flow) > 0.98
+    assert reduced_volume(last.cell) > 0.98

@@ -12,7 +12,8 @@ from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import cortex_drag_velocity
-from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.stepping import semi_implicit_step
@@ -34,7 +35,7 @@ def circling(subdivisions, end, tolerance=1e-3):
 
 def way_of(steps):
     """Turning, speed and radius of the way of the cell, of its directions from step to step."""
-    v = np.array([cortex_drag_velocity(step.model, step.state, step.flow) for step in steps])
+    v = np.array([cortex_drag_velocity(step.cell) for step in steps])
     speeds = np.linalg.norm(v, axis=1)
     u = v / speeds[:, None]
     cosine = np.einsum("ti,ti->t", u[1:], u[:-1])

@@ -23,7 +23,7 @@ from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
     from amoeboid.output.folder import Run
-    from amoeboid.simulation.loop import Step
+    from amoeboid.simulation.step import Step
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
 FINISHED, DIVERGED = 0, 1

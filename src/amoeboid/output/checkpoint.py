@@ -18,7 +18,9 @@ from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.meshes.checks import FEWEST_NODES, MOST_NODES
 from amoeboid.meshes.connectivity import Connectivity, connectivity
 from amoeboid.meshes.geometry import area, equilateral_edge_length, volume
-from amoeboid.simulation.loop import KEPT, Step, due_times
+from amoeboid.simulation.dense_output import due_times
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.step_length import KEPT
 from amoeboid.surface.explicit import MOST_AREA_ERROR
 from amoeboid.surface.model import Model
 from amoeboid.surface.stability import Growth

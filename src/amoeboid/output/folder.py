@@ -38,7 +38,9 @@ from amoeboid.observables import OBSERVABLES, VECTORS, components, observed, ret
 from amoeboid.observables import units as observable_units
 from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.output.versions import installed_versions
-from amoeboid.simulation.loop import Step, between, due_times, start
+from amoeboid.simulation.dense_output import between, due_times
+from amoeboid.simulation.loop import start
+from amoeboid.simulation.step import Step
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
 

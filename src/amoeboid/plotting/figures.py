@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.output.folder import write_atomically
+from amoeboid.output.atomic import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
