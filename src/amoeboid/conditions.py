@@ -99,7 +99,7 @@ def _unknown(name: str) -> str:
 
 def _value(node: Any, cell: Cell, t: float) -> Any:
     if isinstance(node, ast.Constant):
-        return float(node.value)
+        return float(node.value)  # type: ignore[arg-type]  # a number, by _why_not
     if isinstance(node, ast.Name):
         if node.id == "t":
             return t

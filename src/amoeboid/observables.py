@@ -236,7 +236,7 @@ def observed(cell: Cell, names: Iterable[str] | None = None) -> dict[str, float]
     Those that need a mesh are left out for a cell without one. Raises InvalidInput, naming it, for
     an observable that fails or is no finite number.
     """
-    found = {}
+    found: dict[str, float] = {}
     for name, known in selected(names).items():
         if not known.on_meshes or hasattr(cell, "faces"):
             found |= dict(zip(known.columns(name), known.values(name, cell), strict=True))

@@ -12,7 +12,7 @@ from amoeboid.meshes.geometry import area, geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.observables import observed
-from amoeboid.output.folder import write_frame
+from amoeboid.output.frames import write_frame
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import initial_state, perturbed, sphere

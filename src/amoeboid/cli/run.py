@@ -22,7 +22,7 @@ from amoeboid.config import Config, anchored, config_from_toml, shortest_step, w
 from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
-    from amoeboid.output.folder import Run
+    from amoeboid.output.folder import RunFolder
     from amoeboid.simulation.step import Step
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
@@ -90,7 +90,7 @@ def execute(args: argparse.Namespace) -> int:
     return EXIT_CODES[status]
 
 
-def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
+def _summary(run: RunFolder, last: Step, wall_s: float) -> dict[str, Any]:
     # the latest row is that of `last`: rows are appended step by step
     return {name: run.rows[-1][name] for name in SUMMARY} | {
         "steps": last.number,
@@ -134,8 +134,9 @@ def _change(summary: dict[str, Any], why: str, t: float) -> str:
     return text
 
 
-def _started(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.output.folder import new_folder, new_run, text_of
+def _started(args: argparse.Namespace) -> tuple[RunFolder, Step]:
+    from amoeboid.output.atomic import text_of
+    from amoeboid.output.folder import new_folder, new_run
     from amoeboid.simulation.loop import start
 
     config = Config()
@@ -159,7 +160,7 @@ def _tell_adaptation(first: Step, as_json: bool) -> None:
         tell("run", f"initial shape: {text}")
 
 
-def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
+def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
 
     config = with_settings(stored_config(args.resume), args.settings)
@@ -185,9 +186,10 @@ def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
     return run, first
 
 
-def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
+def _simulate(run: RunFolder, first: Step) -> tuple[Step, str, str]:
     """Step until the end; returns the last good step, the status and why it ended."""
-    from amoeboid.simulation.loop import Diverged, evolve
+    from amoeboid.simulation.loop import evolve
+    from amoeboid.simulation.step_length import Diverged
 
     last, status, why = first, "finished", ""
     if not run.frame_times:
@@ -229,7 +231,7 @@ def _interruptible() -> Iterator[Callable[[Step], str | None]]:
 
 
 @contextmanager
-def _progress(run: Run) -> Iterator[Any]:
+def _progress(run: RunFolder) -> Iterator[Any]:
     """Progress on standard error; yields a function that takes rows of the time series."""
     began, start, end = time.monotonic(), run.rows[-1]["t"], run.config.time.end
 
@@ -260,10 +262,10 @@ def _duration(seconds: float) -> str:
     return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
 
 
-def _draw(run: Run, last: Step) -> None:
-    from amoeboid.output.folder import POSITION
+def _draw(run: RunFolder, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
+    from amoeboid.simulation.timeseries import POSITION
 
     times = [row["t"] for row in run.rows]
     positions = [[row[k] for k in POSITION] for row in run.rows]
@@ -292,7 +294,7 @@ def _stability(last: Step) -> str:
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
-    from amoeboid.observables import UNITS
+    from amoeboid.observables import units as observable_units
 
     meanings = {
         "max_retrograde_speed": "fastest flow along the surface",
@@ -301,7 +303,8 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         "zeta0": "membrane tension",
         "area_error": "relative change of the membrane area",
     }
-    units = {name: "" if UNITS[name] == "1" else UNITS[name] for name in meanings}
+    known = observable_units(meanings)
+    units = {name: "" if known[name] == "1" else known[name] or "" for name in meanings}
     rows = [(name, number(summary[name]), units[name], meanings[name]) for name in meanings]
     say(*table(("", "", "", ""), rows, "<<<<", width()))
     say(_stability(last))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -61,3 +61,20 @@ def due_times(after: float, until: float, interval: float) -> Iterator[float]:
     while (t := count * interval) <= until + SAME_TIME * interval:
         yield until if t >= until - SAME_TIME * interval else t
         count += 1
+
+
+class Schedule:
+    """Times at which something is due: multiples of an interval, or `times` where there are any.
+
+    `latest` is the time up to which it has been done, None before the first.
+    """
+
+    def __init__(self, interval: float, times: Sequence[float] = (), latest: float | None = None):
+        self.interval, self.times, self.latest = interval, tuple(times), latest
+
+    def due(self, t: float) -> list[float]:
+        """The times after `latest` up to t; of an interval t itself if there was none before."""
+        if self.times:
+            after = -math.inf if self.latest is None else self.latest
+            return [x for x in self.times if after < x <= t]
+        return [t] if self.latest is None else list(due_times(self.latest, t, self.interval))
