@@ -16,6 +16,7 @@ import pytest
 
 from amoeboid.cli.main import COMMANDS, main
 from amoeboid.cli.run import _stability
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
 from amoeboid.output import frames
@@ -23,7 +24,6 @@ from amoeboid.simulation import writers
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
-from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
 RUN_KEYS = {

@@ -7,12 +7,12 @@ import pytest
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.closed_forms.amplitude import at_threshold, bifurcation, cubic_coefficient
+from amoeboid.closed_forms.branch import branch, prediction
+from amoeboid.closed_forms.linear import critical_speed
+from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, follow
-from amoeboid.theory.amplitude import at_threshold, bifurcation, cubic_coefficient
-from amoeboid.theory.branch import branch, prediction
-from amoeboid.theory.linear import critical_speed
-from amoeboid.theory.points import points
 from cross.scripts import script
 from cross.spectral import polarized
 from theory.sample_points import OWN_LAW

@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
 from amoeboid.meshes.relaxation import even_icosphere
 from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.iterations import Iteration
 from amoeboid.numerics.multistep import extrapolated
-from amoeboid.numerics.passes import Pass
 from amoeboid.observables import filament_number, observed
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping
@@ -24,13 +25,12 @@ from amoeboid.surface.state import State
 from amoeboid.surface.stepping import (
     StepFailed,
     difference,
-    foreseen,
+    extrapolation,
     local_error,
     semi_implicit_step,
     starting_step,
 )
 from amoeboid.surface.transport import rate_of_change
-from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 from surface.orders import in_short_steps, measured_orders
 
@@ -57,7 +57,7 @@ unit_vectors = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.nor
 @settings(max_examples=8)
 @given(axis=unit_vectors, angle=st.floats(0.1, 3.0))
 def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
-    """The whole method, mesh included, turns with the cell: the same numbers to rounding."""
+    """The whole method, mesh included, omega with the cell: the same numbers to rounding."""
     model, rest = sphere(POLARIZED, 1)
     state = perturbed(model, rest, Initial(perturbation=1.0, direction=(0.2, 0.5, -0.7)))
     turn = rotation_matrix(axis, angle)
@@ -173,7 +173,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
 
 
 def test_an_oblique_soft_cell_comes_to_rest_although_its_mesh_turns_it():
-    """No force holds the axis: the mesh turns it, at a rate that never falls below STEADY."""
+    """No force holds the axis: the mesh omega it, at a rate that never falls below STEADY."""
     config = Config(
         parameters=replace(POLARIZED, delta_P=11.0),
         mesh=Mesh(subdivisions=2),
@@ -292,7 +292,7 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
     history = (first, begin)
     found, flow, _ = semi_implicit_step(model, history, 0.1)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-7)
-    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    monkeypatch.setattr(stepping, "MAX_ITERATIONS", 60)
     solved, *_ = semi_implicit_step(model, history, 0.1)
     times = [s.t for s in history]
     ahead = [extrapolated(times, [getattr(s, x) for s in history], found.t) for x in ("r", "c")]
@@ -309,10 +309,10 @@ def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
         state, *_ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
         history = (state, *history[:2])
     found, flow, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
-    expected = foreseen(history, found.t)
+    expected = extrapolation(history, found.t)
     error = local_error(model, expected, (found.r, found.c), flow.normals)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-9)
-    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    monkeypatch.setattr(stepping, "MAX_ITERATIONS", 60)
     solved, *_ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
     left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
     print(left, error)
@@ -336,14 +336,14 @@ def test_passes_that_do_not_settle_are_no_step():
     def passes(*changes):
         # each begins where the one before ended
         ends = np.concatenate([[0.0], np.cumsum(changes)])
-        return [Pass(np.array([a]), np.array([b])) for a, b in pairwise(ends)]
+        return [Iteration(np.array([a]), np.array([b])) for a, b in pairwise(ends)]
 
     assert not stepping._converged(passes(1.0), 1.0)
     assert stepping._converged(passes(1.0, 0.1), 1.0)
     assert not stepping._converged(passes(1.0, 0.5), 1.0)
     assert not stepping._converged(passes(1.0, 0.1), 1e-3)
     with pytest.raises(StepFailed, match="do not converge"):
-        stepping._converged(passes(*[1.0] * stepping.MOST_PASSES), 1.0)
+        stepping._converged(passes(*[1.0] * stepping.MAX_ITERATIONS), 1.0)
     for broken in (np.nan, np.inf):
         with pytest.raises(StepFailed, match="not finite"):
             stepping._converged(passes(1.0, broken), 1.0)
@@ -405,12 +405,12 @@ def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
     begin = perturbed(model, rest, Initial(perturbation=2.99))
     seen, balance = [], stepping.force_balance
 
-    def watched(model, near, r, g, c, *rest):
+    def watched(model, factorized, r, g, c, *rest):
         seen.append(c.min())
-        return balance(model, near, r, g, c, *rest)
+        return balance(model, factorized, r, g, c, *rest)
 
     monkeypatch.setattr(stepping, "force_balance", watched)
-    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 1e3)
+    monkeypatch.setattr(stepping, "anderson_step", lambda before, last: 1e3)
     with pytest.raises(ArithmeticError):
         semi_implicit_step(model, (begin,), 0.3)
     assert len(seen) > 2
@@ -441,7 +441,7 @@ def test_overshoots_save_passes(monkeypatch):
     monkeypatch.setattr(stepping, "_converged", counted)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-5)
     few, end = passes()
-    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 0.0)
+    monkeypatch.setattr(stepping, "anderson_step", lambda before, last: 0.0)
     many, same = passes()
     print(few, many)
     assert few < 0.85 * many

@@ -2,7 +2,7 @@
 
 Near its origin the polarized branch is v_p0 = threshold + k a^2, a the amplitude of cos(x) in c:
 supercritical for k > 0, subcritical (hysteresis) for k < 0. k = -nu/(d lambda_1/d v_p0) with the
-closed form nu of amoeboid.theory.amplitude at delta_P; here it is measured on the branch.
+closed form nu of amoeboid.closed_forms.amplitude at delta_P; here it is measured on the branch.
 """
 
 from __future__ import annotations

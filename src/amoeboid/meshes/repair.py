@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import (
-    FEWEST_NODES,
-    MOST_NODES,
+    MAX_NODES,
+    MIN_NODES,
     Repairable,
     check_mesh,
     check_size,
@@ -23,7 +23,7 @@ from amoeboid.meshes.checks import (
 )
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import (
-    LEAST_QUALITY,
+    MIN_QUALITY,
     area,
     equilateral_edge_length,
     geometry,
@@ -135,9 +135,9 @@ def _even(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index
     """The surface on an even mesh of about `n_nodes`, if its own is out of order."""
     own_length = equilateral_edge_length(area(r, faces), len(faces))
     in_order = distortion(r, faces, own_length) <= 1.0
-    if in_order and FEWEST_NODES <= len(r) <= MOST_NODES:
+    if in_order and MIN_NODES <= len(r) <= MAX_NODES:
         return r, faces, []
-    if mesh_quality(r, faces) >= LEAST_QUALITY:
+    if mesh_quality(r, faces) >= MIN_QUALITY:
         check_triangles(r, faces, name)
     # first as it is but for slivers, so that a crossing is seen; then coarser or finer
     fine, fine_faces = (r, faces) if in_order else _evened(r, faces, own_length, (r, faces))
@@ -147,7 +147,7 @@ def _even(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index
         raise InvalidInput(
             f"{problem}: initial.repair cannot, its triangles may cross or fold"
         ) from None
-    n_nodes = int(min(max(n_nodes, FEWEST_NODES * SPREAD), MOST_NODES / SPREAD))
+    n_nodes = int(min(max(n_nodes, MIN_NODES * SPREAD), MAX_NODES / SPREAD))
     wanted = equilateral_edge_length(area(fine, fine_faces), 2 * n_nodes - 4) * np.sqrt(EXCESS)
     new, new_faces = _evened(fine, fine_faces, float(wanted), (r, faces))
     volumes = volume(new, new_faces), volume(r, faces)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from amoeboid.config import Config, Time, resolved
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.events import Event, events_of, reason
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.step_length import next_step

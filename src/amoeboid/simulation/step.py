@@ -9,7 +9,7 @@ from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import Adaptation
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
-from amoeboid.surface.steadiness import PATIENCE, UNSTABLE, Rest
+from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, UNSTABLE, Rest
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class Step:
     def in_vain(self) -> bool:
         """Whether growth has been waited for so long that it is none of the run."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
-        return self._grows and waited * (self.growth or 0.0) > PATIENCE
+        return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
     @property
     def _grows(self) -> bool:

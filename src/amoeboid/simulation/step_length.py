@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from amoeboid.config import SHORTEST_STEP, Time
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.step import Step
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.model import Model
@@ -22,7 +22,7 @@ from amoeboid.validation import InvalidInput
 # Length of the start on a new mesh as a share of the step before it, which was of higher order.
 START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
-SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
+SAFETY, MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
 STABLE_GROWTH = 2.4
 
@@ -77,8 +77,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         order = 2 if len(past) > 2 else 1
         factor = np.clip(
             SAFETY * (time.tolerance / max(error, 1e-300)) ** (1 / (order + 1)),
-            MOST_SHRINKING,
-            MOST_GROWTH,
+            MIN_STEP_FACTOR,
+            MAX_STEP_FACTOR,
         )
         if error > time.tolerance:
             why = f"the error of one step stays above time.tolerance = {time.tolerance:g}"

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array, Index
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import SHORTEST_STEP, Config, Initial
 from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined, placed
 from amoeboid.meshes.connectivity import connectivity, narrow_numbering
@@ -15,13 +16,12 @@ from amoeboid.meshes.geometry import area, volume_centroid
 from amoeboid.meshes.relaxation import even_icosphere
 from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.equilibrium import flow_of, relaxed
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed
-from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
 ROUNDING = 1e-12

@@ -15,7 +15,7 @@ from amoeboid.arrays import Index
 from amoeboid.numerics.compiled import compiled, nested
 
 # Least share of the nodes of a piece that either side of a cut should have.
-LEAST_SHARE = 0.3
+MIN_SHARE = 0.3
 # Rounds of shortening a separator.
 ROUNDS = 8
 LEFT, RIGHT, CUT = 0, 1, 2
@@ -139,7 +139,7 @@ def _middle(level, queue, size):  # type: ignore[no-untyped-def]
             k += 1
         balance = min(begin, size - k) / size
         cost = (k - begin) * (1.0 + (0.5 - balance))
-        if balance >= LEAST_SHARE and cost < least:
+        if balance >= MIN_SHARE and cost < least:
             best, least = level[queue[begin]], cost
     return best
 
@@ -152,7 +152,7 @@ def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: igno
         sizes[side[queue[k]]] += 1
     if min(sizes[LEFT], sizes[RIGHT]) == 0:
         return
-    least = int(LEAST_SHARE * size)
+    least = int(MIN_SHARE * size)
     for _ in range(ROUNDS):
         moved = 0
         for k in range(size):
