@@ -20,8 +20,8 @@ class Step:
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
     of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
     and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
-    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one;
-    `adapted`, of an initial state: what was done to a shape from a file.
+    nodes (V, 3) of the last attempt to make a better mesh, if it failed; `adapted`, of an initial
+    state: what was done to a shape from a file.
     """
 
     number: int
@@ -38,7 +38,7 @@ class Step:
 
     @property
     def steady(self) -> bool:
-        """Whether the cell does not change, and no small disturbance is known to grow.
+        """Whether the cell does not change, and no small perturbation is known to grow.
 
         It need not be stable for that: see `stability`.
         """
@@ -46,12 +46,12 @@ class Step:
 
     @property
     def unstable(self) -> bool:
-        """Whether the cell does not change, but a small disturbance grows."""
-        return self._grows and not self.in_vain
+        """Whether the cell does not change, but a small perturbation grows."""
+        return self._grows and not self.growth_not_seen
 
     @property
-    def in_vain(self) -> bool:
-        """Whether growth has been waited for so long that it is none of the run."""
+    def growth_not_seen(self) -> bool:
+        """Whether a predicted growth has not appeared within MAX_GROWTH_TIMES growth times."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
         return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
@@ -62,7 +62,7 @@ class Step:
 
     @property
     def growth(self) -> float | None:
-        """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
+        """Growth rate of the fastest growing perturbation [1/T] of a cell at rest, if known."""
         return None if self.rest is None else self.rest.growth.rate
 
     @property
@@ -84,7 +84,7 @@ class Step:
             return "the cell still changes"
         if self.growth is None or self.growth_error is None:
             return self.rest.growth.problem
-        if self.in_vain:
+        if self.growth_not_seen:
             return (
                 f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
                 "shown; the mesh may be too coarse for it, or time.max_step too long for an "
