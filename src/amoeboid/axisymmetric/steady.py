@@ -41,7 +41,7 @@ STRONG = 5e-9
 
 
 @dataclass(frozen=True)
-class Scales:
+class Magnitudes:
     """Typical magnitudes of the unknowns and of the equations at one parameter point."""
 
     speed: float
@@ -50,8 +50,8 @@ class Scales:
     rate: float
 
     @classmethod
-    def of(cls, p: Parameters) -> Scales:
-        """Scales from the homogeneous sphere."""
+    def of(cls, p: Parameters) -> Magnitudes:
+        """Magnitudes from the homogeneous sphere."""
         concentration = p.c0 if p.c0 > 0 else p.c_r
         frequency = p.beta + p.D / p.R0**2
         speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
@@ -74,9 +74,9 @@ class SteadySystem:
     names: tuple[str, ...] = ()
 
     @cached_property
-    def scales(self) -> Scales:
+    def scales(self) -> Magnitudes:
         """Typical magnitudes at the parameter point that the system was made with."""
-        return Scales.of(self.parameters)
+        return Magnitudes.of(self.parameters)
 
     @cached_property
     def row_scales(self) -> Array:
@@ -160,7 +160,7 @@ def equations(n: int, f: Fields, p: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class SteadyState:
+class SteadySolution:
     """A steady state, or an attempt at one: it is a solution only if `converged`.
 
     `x` is the vector of unknowns of n modes (module docstring); `residuals` the scaled root mean
@@ -174,7 +174,7 @@ class SteadyState:
     residuals: tuple[float, ...]
     message: str = ""
 
-    def in_units(self, units: Units) -> SteadyState:
+    def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
         speed, concentration = units.of("L/T"), units.of("N/L^2")
         scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
@@ -284,7 +284,7 @@ class SteadyState:
 
 
 def series_maximum(coefficients: Array) -> float:
-    """Largest |sum_k a_k sin(k x)| on [0, pi]: the best of a fine grid, polished by Newton."""
+    """Largest |sum_k a_k sin(k x)| on [0, pi]: the best of a fine grid, refined by Newton."""
     k = np.arange(1, coefficients.size + 1)
     x = np.linspace(0.0, np.pi, 16 * coefficients.size + 1)
     values = np.sin(np.outer(x, k)) @ coefficients
@@ -294,16 +294,16 @@ def series_maximum(coefficients: Array) -> float:
         slope = np.cos(k * best) @ (k * coefficients)
         bend = -np.sin(k * best) @ (k * k * coefficients)
         best -= slope / bend if bend != 0 else 0.0
-    polished = float(abs(np.sin(k * best) @ coefficients))
-    return polished if value <= polished <= 1.01 * value else value
+    refined = float(abs(np.sin(k * best) @ coefficients))
+    return refined if value <= refined <= 1.01 * value else value
 
 
-def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:
+def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
     zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0.
     """
-    return SteadyState(p, n, homogeneous_unknowns(p, n), True, (0.0,))
+    return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
 
 def homogeneous_unknowns(p: Any, n: int) -> Array:
@@ -315,7 +315,7 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadyState) -> SteadyState:
+def steady_state(p: Parameters, guess: SteadySolution) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
@@ -328,12 +328,12 @@ def steady_state(p: Parameters, guess: SteadyState) -> SteadyState:
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
-            return SteadyState(p, n, found.x, False, history, f"Newton stalled; {advice}")
+            return SteadySolution(p, n, found.x, False, history, f"Newton stalled; {advice}")
         if system.resolved(found.x, np.zeros(0)):
-            return SteadyState(p, n, found.x, True, history)
+            return SteadySolution(p, n, found.x, True, history)
         if 2 * n > MAX_MODES:
             advice = f"{n} modes do not resolve the state; raise D"
-            return SteadyState(p, n, found.x, False, history, advice)
+            return SteadySolution(p, n, found.x, False, history, advice)
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
@@ -348,7 +348,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
     )
 
 
-def strong_residual(state: SteadyState, finer: int = 3) -> float:
+def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
     Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each

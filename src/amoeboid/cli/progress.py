@@ -74,6 +74,6 @@ def line(step: Progress) -> tuple[str, ...]:
     """The parts of the line for one step."""
     return (
         f"{step.task}: {step.name} = {number(step.value)}",
-        f"{step.modes} modes",
-        f"point {step.points}",
+        *([f"{step.modes} modes"] if step.modes else []),
+        *([f"point {step.points}"] if step.points else []),
     )

@@ -13,6 +13,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
+from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.numerics.multistep import extrapolated
 from amoeboid.numerics.sparse.banded import SingularMatrix
@@ -140,23 +141,23 @@ class Diverged(ArithmeticError):
     """The run cannot go on; the steps yielded before it are good."""
 
 
-def start(config: Config) -> Step:
-    """The initial step of a configuration.
+def start(config: Config, cell: InitialCell | None = None) -> Step:
+    """The initial step of a configuration; with `cell`, that shape and concentration, unchanged.
 
     Raises InvalidInput, also for parameters so extreme that not even the initial state exists.
     """
     config = resolved(config)
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
-            return _started(config)
+            return _started(config, cell)
     except (StepFailed, SingularMatrix, FloatingPointError) as error:
         raise InvalidInput(
             f"the parameters must allow a cell at rest to start from, these do not: {error}"
         ) from None
 
 
-def _started(config: Config) -> Step:
-    begin = initial_condition(config)
+def _started(config: Config, cell: InitialCell | None) -> Step:
+    begin = initial_condition(config, cell)
     model, state = begin.model, begin.state
     flow, dt = first_flow(model, state)
     rate, _ = relative_rate(model, state, flow)
