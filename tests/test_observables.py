@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.evolution import Dynamics, perturbed_sphere
 from amoeboid.axisymmetric.evolution import evolve as evolve_axisymmetric
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
-from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.axisymmetric.unknowns import fields_of
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.extrema import DEGREE, REACH, RINGS, fitted_maxima, largest
@@ -253,7 +253,7 @@ def sampled(state, subdivisions):
     model, rest = sphere(p, subdivisions)
     unit = rest.r / np.linalg.norm(rest.r, axis=1, keepdims=True)
     theta, phi = np.arccos(np.clip(unit[:, 2], -1, 1)), np.arctan2(unit[:, 1], unit[:, 0])
-    guess = state if isinstance(state, SteadyState) else state.as_guess()
+    guess = state if isinstance(state, SteadySolution) else state.as_guess()
     fields = fields_of(guess.x, guess.n)
     # radius and height along the scaled arclength theta, whose pole 0 looks up
     radius, height = guess.position(theta)
@@ -265,7 +265,7 @@ def sampled(state, subdivisions):
     along = np.cos(psi)[:, None] * out - np.sin(psi)[:, None] * up
     normals = np.sin(psi)[:, None] * out + np.cos(psi)[:, None] * up
     u, V = guess.flow(theta), np.zeros_like(theta)
-    if not isinstance(state, SteadyState):
+    if not isinstance(state, SteadySolution):
         sines, cosines = force_balance_velocities(state)
         u, V = odd_basis(theta, guess.n) @ sines, even_basis(theta, guess.n) @ cosines
     # any frame; the cell is turned, so that nothing depends on the axis of the mesh
@@ -287,7 +287,7 @@ def force_balance_velocities(instant):
 
 def axisymmetric_states():
     soft, softest = Parameters(D=0.4, v_p0=6.0, delta_P=11.0), Parameters(D=0.4, v_p0=5.4)
-    polarized = max(steady_states(soft, (1,)), key=lambda s: s.max_retrograde_speed)
+    polarized = max(steady_solutions(soft, (1,)), key=lambda s: s.max_retrograde_speed)
     y = perturbed_sphere(softest, {1: 1.0, 2: 0.5}, {2: 0.2, 3: 0.15})
     *_, moving = evolve_axisymmetric(softest.replace(delta_P=2.0), y, 0.1)
     return polarized, moving

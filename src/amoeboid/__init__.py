@@ -9,8 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from amoeboid.axisymmetric.branches import branch_from_sphere, steady_states
-    from amoeboid.axisymmetric.stability import unstable_modes
     from amoeboid.closed_forms.branch import prediction
     from amoeboid.closed_forms.linear import growth_rate, thresholds
     from amoeboid.closed_forms.points import points
@@ -23,23 +21,30 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.observables import OBSERVABLES, observed
     from amoeboid.simulation.loop import evolve, start
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
+    from amoeboid.studies.branch import Branch, SpecialPoint, branch
+    from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
+    from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
+    from amoeboid.studies.theory import Theory, theory
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
+    "Branch": "studies.branch",
     "Config": "config",
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
     "Flow": "surface.state",
     "Initial": "config",
+    "InitialCell": "meshes.cells",
     "InvalidInput": "validation",
     "Inverse": "model.polymerization",
     "Law": "model.polymerization",
@@ -48,10 +53,15 @@ _HOMES = {
     "OBSERVABLES": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
+    "PhaseDiagram": "studies.phase_diagram",
+    "SpecialPoint": "studies.branch",
     "State": "surface.state",
+    "SteadyState": "studies.states",
+    "SteadyStates": "studies.states",
     "Step": "simulation.step",
+    "Theory": "studies.theory",
     "Time": "config",
-    "branch_from_sphere": "axisymmetric.branches",
+    "branch": "studies.branch",
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
@@ -59,22 +69,25 @@ _HOMES = {
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
+    "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
     "prediction": "closed_forms.branch",
     "start": "simulation.loop",
-    "steady_states": "axisymmetric.branches",
+    "steady_states": "studies.states",
+    "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
-    "unstable_modes": "axisymmetric.stability",
 }
 
 __all__ = [
     "OBSERVABLES",
+    "Branch",
     "Config",
     "Custom",
     "Diverged",
     "Exponential",
     "Flow",
     "Initial",
+    "InitialCell",
     "InvalidInput",
     "Inverse",
     "Law",
@@ -82,10 +95,15 @@ __all__ = [
     "Model",
     "Output",
     "Parameters",
+    "PhaseDiagram",
+    "SpecialPoint",
     "State",
+    "SteadyState",
+    "SteadyStates",
     "Step",
+    "Theory",
     "Time",
-    "branch_from_sphere",
+    "branch",
     "config_from_toml",
     "config_to_toml",
     "evolve",
@@ -93,12 +111,13 @@ __all__ = [
     "observed",
     "parameters_from_toml",
     "parameters_to_toml",
+    "phase_diagram",
     "points",
     "prediction",
     "start",
     "steady_states",
+    "theory",
     "thresholds",
-    "unstable_modes",
 ]
 
 

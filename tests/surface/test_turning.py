@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import volume_centroid
@@ -131,7 +131,7 @@ def test_the_growth_of_bending_converges_to_the_axisymmetric_rate():
     Ratios of errors rise towards 4 (2.1 and 3.2 here): errors of second and fourth order differ in
     sign.
     """
-    state = max(steady_states(CIRCLES), key=lambda s: s.max_retrograde_speed)
+    state = max(steady_solutions(CIRCLES), key=lambda s: s.max_retrograde_speed)
     exact = growth_rates(state, 1).real.max()
     found = np.array([[bending_rate(n, axis) for axis in (0, 1)] for n in (2, 3, 4)])
     errors = found - exact

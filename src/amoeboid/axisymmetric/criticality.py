@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
-from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, Point, at_distance
@@ -30,14 +30,14 @@ def criticality(p: Parameters) -> float | None:
     """k = d(v_p0)/d(a^2) at the origin of the polarized branch; None where it is not determined.
 
     Extrapolated from three small amplitudes, halved until two estimates agree to AGREEMENT. There
-    is no value without a threshold and too near a pole of k, where the thresholds of l = 1 and
+    is no value without a threshold and too close to a pole of k, where the thresholds of l = 1 and
     l = 2 meet. Raises InvalidInput where the sphere has no single neutral mode.
     """
     threshold = onset_speed(p)
     if threshold is None:
         return None
     options = Options(parameter_scale=threshold)
-    start = departure(p, "v_p0", threshold, options)
+    start = branch_tangent(p, "v_p0", threshold, options)
     # k itself may vanish: below this size differences count absolutely
     small = 0.1 * threshold / p.c0**2
     previous: float | None = None

@@ -25,8 +25,8 @@ from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
     MAX_MODES,
     MODES,
-    Scales,
-    SteadyState,
+    Magnitudes,
+    SteadySolution,
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
@@ -78,11 +78,11 @@ class Instant(Measured):
         u, V, c = g.odd_values @ self.u, g.even_values @ self.V, g.even_values @ self.c
         return AxisymmetricCell(p, self.shape, c, u, V, p.v_p(c), self.zeta0)
 
-    def as_guess(self) -> SteadyState:
+    def as_guess(self) -> SteadySolution:
         """This instant as a guess for the steady state nearby (not converged)."""
         scalars = [self.length_scale, self.zeta0, 0.0, 0.0]
         x = np.concatenate([self.psi, self.u, self.c, scalars])
-        return SteadyState(self.parameters, self.n, x, False, ())
+        return SteadySolution(self.parameters, self.n, x, False, ())
 
 
 @dataclass(frozen=True)
@@ -164,7 +164,7 @@ class Dynamics:
         V = w + speed(c, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
-        s = Scales.of(self.parameters)
+        s = Magnitudes.of(self.parameters)
         change = s.speed * self.parameters.R0
         return stacked(
             [
@@ -249,7 +249,7 @@ def perturbed_sphere(
     return y
 
 
-def state_of(state: SteadyState) -> Array:
+def state_of(state: SteadySolution) -> Array:
     """The state y of a steady state."""
     psi, _, c, _ = split(state.x, state.n)
     return np.concatenate([psi[1:], c])
@@ -281,7 +281,7 @@ def evolve(
             dynamics, y = dynamics.refined(y)
 
 
-def settled(
+def evolve_to_steady(
     p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
 ) -> Instant:
     """The last instant of an evolution: steady to `rate` in units of p.rate, or at time `end`."""
@@ -294,6 +294,6 @@ def settled(
     return last
 
 
-def polished(instant: Instant) -> SteadyState:
+def newton_refined(instant: Instant) -> SteadySolution:
     """The steady state that Newton's method reaches from an instant."""
     return steady_state(instant.parameters, instant.as_guess())

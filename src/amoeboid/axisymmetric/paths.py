@@ -14,10 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.onset import departure, onsets
+from amoeboid.axisymmetric.onset import branch_tangent, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.steady import SteadyState, homogeneous_unknowns
+from amoeboid.axisymmetric.steady import SteadySolution, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import (
@@ -31,9 +32,6 @@ from amoeboid.numerics.continuation import (
     slope_row,
 )
 from amoeboid.validation import InvalidInput
-
-NOTHING = 1e-9
-"""Deviations from symmetry below this fraction are rounding."""
 
 SAME = 1e-6
 """Relative difference up to which two states are the same."""
@@ -55,46 +53,10 @@ def modes_of(point: Point) -> int:
     return (point.x.size - 3) // 3
 
 
-def steady_state_at(p: Parameters, name: str, point: Point) -> SteadyState:
+def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
     """The steady state of a point of a branch in `name`."""
     at = p.replace(**{name: point.parameter})
-    return SteadyState(at, modes_of(point), point.x, True, ())
-
-
-@dataclass(frozen=True)
-class Window:
-    """The values low <= parameter <= high that are asked for."""
-
-    low: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise InvalidInput(
-                f"the window of the parameter must have low < high, got {self.low!r}, {self.high!r}"
-            )
-
-    @classmethod
-    def of(cls, window: Window | tuple[float, float]) -> Window:
-        """The window itself, or that of a pair (low, high). Raises InvalidInput for others."""
-        if isinstance(window, Window):
-            return window
-        try:
-            low, high = (float(value) for value in window)
-        except (TypeError, ValueError):
-            raise InvalidInput(
-                f"the window of the parameter must be a pair (low, high), got {window!r}"
-            ) from None
-        return cls(low, high)
-
-    def holds(self, value: float) -> bool:
-        """Whether the value lies inside, ends included."""
-        return self.low <= value <= self.high
-
-    def overlap(self, arc: Arc) -> tuple[float, float] | None:
-        """(first, last) value on the way from arc.a to arc.b inside the window; None if none."""
-        a, b = (min(max(q.parameter, self.low), self.high) for q in (arc.a, arc.b))
-        return None if abs(b - a) <= NOTHING * max(abs(a), abs(b)) else (a, b)
+    return SteadySolution(at, modes_of(point), point.x, True, ())
 
 
 @dataclass
@@ -156,7 +118,8 @@ class Path:
                 if self._finer > MAX_FINER:
                     raise Stalled(
                         f"the branch meets states of more symmetry between parameter = "
-                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; where was not found"
+                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; the location was not "
+                        "found"
                     )
                 return anchor
             self.last = arcs[-1].b
@@ -263,7 +226,7 @@ class Path:
         """Arcs from `anchor` to the threshold `value` that were found from there; none if wrong."""
         try:
             begins = [
-                departure(self.p, self.name, value, self.options, modes_of(anchor), sign)
+                branch_tangent(self.p, self.name, value, self.options, modes_of(anchor), sign)
                 for sign in (1.0, -1.0)
             ]
         except InvalidInput:

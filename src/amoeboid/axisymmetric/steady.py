@@ -42,7 +42,7 @@ STRONG = 5e-9
 
 
 @dataclass(frozen=True)
-class Scales:
+class Magnitudes:
     """Typical magnitudes of the unknowns and of the equations at one parameter point."""
 
     speed: float
@@ -51,8 +51,8 @@ class Scales:
     rate: float
 
     @classmethod
-    def of(cls, p: Parameters) -> Scales:
-        """Scales from the homogeneous sphere."""
+    def of(cls, p: Parameters) -> Magnitudes:
+        """Magnitudes from the homogeneous sphere."""
         concentration = p.c0 if p.c0 > 0 else p.c_r
         frequency = p.beta + p.D / p.R0**2
         speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
@@ -75,9 +75,9 @@ class SteadySystem:
     names: tuple[str, ...] = ()
 
     @cached_property
-    def scales(self) -> Scales:
+    def scales(self) -> Magnitudes:
         """Typical magnitudes at the parameter point that the system was made with."""
-        return Scales.of(self.parameters)
+        return Magnitudes.of(self.parameters)
 
     @cached_property
     def row_scales(self) -> Array:
@@ -161,7 +161,7 @@ def equations(n: int, f: Fields, p: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class SteadyState(Measured):
+class SteadySolution(Measured):
     """A steady state, or an attempt at one: it is a solution only if `converged`.
 
     Every observable is an attribute: `max_retrograde_speed`, `polarity`.
@@ -177,7 +177,7 @@ class SteadyState(Measured):
     residuals: tuple[float, ...]
     message: str = ""
 
-    def in_units(self, units: Units) -> SteadyState:
+    def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
         speed, concentration = units.of("L/T"), units.of("N/L^2")
         scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
@@ -241,12 +241,12 @@ class SteadyState(Measured):
         return self.position(np.linspace(0.0, np.pi, count))
 
 
-def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:
+def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
     zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0.
     """
-    return SteadyState(p, n, homogeneous_unknowns(p, n), True, (0.0,))
+    return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
 
 def homogeneous_unknowns(p: Any, n: int) -> Array:
@@ -258,7 +258,7 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadyState) -> SteadyState:
+def steady_state(p: Parameters, guess: SteadySolution) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
@@ -271,12 +271,12 @@ def steady_state(p: Parameters, guess: SteadyState) -> SteadyState:
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
-            return SteadyState(p, n, found.x, False, history, f"Newton stalled; {advice}")
+            return SteadySolution(p, n, found.x, False, history, f"Newton stalled; {advice}")
         if system.resolved(found.x, np.zeros(0)):
-            return SteadyState(p, n, found.x, True, history)
+            return SteadySolution(p, n, found.x, True, history)
         if 2 * n > MAX_MODES:
             advice = f"{n} modes do not resolve the state; raise D"
-            return SteadyState(p, n, found.x, False, history, advice)
+            return SteadySolution(p, n, found.x, False, history, advice)
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
@@ -291,7 +291,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
     )
 
 
-def strong_residual(state: SteadyState, finer: int = 3) -> float:
+def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
     Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each

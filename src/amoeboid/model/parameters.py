@@ -11,8 +11,9 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.display import html_table, shown
 from amoeboid.model.polymerization import LawField, refuse_unwritable
-from amoeboid.model.units import Units, measured, quantity
+from amoeboid.model.units import Units, customary_unit, measured, quantity
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -35,7 +36,7 @@ PAPER_CELL: dict[str, str] = {
     "law": "exponential",
 }
 
-_EXAMPLES = {
+EXAMPLES = {
     "L": "10 um",
     "M/(L T^2)": "300 Pa",
     "M/T": "2.7 mPa s m",
@@ -90,7 +91,7 @@ class Parameters:
         given = {**PAPER_CELL, **quantities}
         law = given.pop("law")
         si: dict[str, Any] = {
-            name: measured(name, value, DIMENSIONS[name], _EXAMPLES[DIMENSIONS[name]])
+            name: measured(name, value, DIMENSIONS[name], EXAMPLES[DIMENSIONS[name]])
             for name, value in given.items()
         }
         cls(law=law, **si)  # refuses values out of range in the user's own numbers
@@ -152,6 +153,54 @@ class Parameters:
         """Plain numbers and the law's name, in the order of the fields."""
         values = {name: getattr(self, name) for name in PARAMETER_NAMES}
         return values | {"law": self.law.name}
+
+    @property
+    def description(self) -> str:
+        """The parameters that count: D, v_p0, and what is not as in the paper's table.
+
+        >>> Parameters(v_p0=6.0).description
+        "D = 0.03, v_p0 = 6, all else as in the paper's table"
+        """
+        kept = "the paper's table" if self.units is None else "the paper's cell"
+        named = [f"{name} = {text}" for name, text in self._telling().items()]
+        return ", ".join([*named, f"all else as in {kept}"])
+
+    def __repr__(self) -> str:
+        if self.units is None:
+            values = {name: getattr(self, name) for name in self._telling() if name != "law"}
+            law = {} if self.law == Parameters().law else {"law": self.law.name}
+            parts = (f"{name}={value!r}" for name, value in (values | law).items())
+            return f"Parameters({', '.join(parts)})"
+        parts = (f"{name}={text!r}" for name, text in self._telling().items())
+        return f"Parameters.physical({', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (f.name, f"{getattr(self, f.name):.6g}", f.metadata["unit"], f.metadata["doc"])
+            if self.units is None
+            else (
+                f.name,
+                f"{self.quantity(getattr(self, f.name), f.metadata['unit']).magnitude:.6g}",
+                customary_unit(f.metadata["unit"]),
+                f.metadata["doc"],
+            )
+            for f in fields(self)
+            if "kind" in f.metadata
+        ]
+        rows.append(("law", self.law.name, "", "polymerization law v_p(c)"))
+        return html_table("Parameters", rows, ("name", "value", "unit", "meaning"))
+
+    def _telling(self) -> dict[str, str]:
+        """D, v_p0 and what differs from the paper's values, as texts."""
+        usual = Parameters() if self.units is None else Parameters.physical()
+        found = {}
+        for name, dimension in DIMENSIONS.items():
+            texts = [shown(p.quantity(getattr(p, name), dimension)) for p in (self, usual)]
+            if name in ("D", "v_p0") or texts[0] != texts[1]:
+                found[name] = texts[0]
+        if self.law != usual.law:
+            found["law"] = self.law.name
+        return found
 
 
 PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")

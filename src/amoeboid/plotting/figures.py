@@ -21,6 +21,8 @@ METADATA = {
     ".svg": {"Date": None},
 }
 HASH_SALT = "amoeboid"
+COLOR_MAP = "viridis"
+"""The colors of concentrations, and of all else that is a number on a picture."""
 
 
 @contextmanager
@@ -52,6 +54,25 @@ def write_figure(figure: Figure, path: Path, dpi: int) -> None:
         figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=METADATA.get(suffix))
 
     write_atomically(path, write)
+
+
+def axes_for(ax: Any = None) -> Any:
+    """The axes to draw on: those given, or those of a new figure of pyplot."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+@own_settings()
+def write_drawing(
+    result: Any, draw: Callable[..., Any], path: Path, width: float, height: float
+) -> None:
+    """Write what `draw(result, axes)` draws as a figure of this size, in inches, to a file."""
+    figure = new_figure(width, height)
+    draw(result, figure.add_subplot())
+    write_figure(figure, path, dpi=150)
 
 
 def html_picture(result: Any, draw: Callable[..., Any], **options: Any) -> str:

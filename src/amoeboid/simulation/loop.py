@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from amoeboid.config import Config, Time, resolved
+from amoeboid.meshes.cells import InitialCell
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.events import Event, events_of, reason
 from amoeboid.simulation.step import Step
@@ -21,23 +22,26 @@ from amoeboid.surface.stepping import StepFailed
 from amoeboid.validation import InvalidInput
 
 
-def start(config: Config) -> Step:
-    """The initial step of a configuration.
+def start(config: Config, cell: InitialCell | None = None) -> Step:
+    """The initial step of a configuration, with `cell` that of its shape and concentration.
 
+    To that cell is added what section [initial] says, without a value of its own no perturbation.
     Raises InvalidInput, also for parameters so extreme that not even the initial state exists.
     """
+    if cell is not None and config.initial.perturbation is None:
+        config = replace(config, initial=replace(config.initial, perturbation=0.0))
     config = resolved(config)
     try:
         with np.errstate(over="raise", invalid="raise", divide="raise"):
-            return _started(config)
+            return _started(config, cell)
     except (StepFailed, SingularMatrix, FloatingPointError) as error:
         raise InvalidInput(
             f"the parameters must allow a cell at rest to start from, these do not: {error}"
         ) from None
 
 
-def _started(config: Config) -> Step:
-    begin = initial_condition(config)
+def _started(config: Config, cell: InitialCell | None) -> Step:
+    begin = initial_condition(config, cell)
     model, state = begin.model, begin.state
     flow, dt = first_flow(model, state)
     rate, _ = relative_rate(model, state, flow)

@@ -1,0 +1,21 @@
+"""The observables of axisymmetric states, by name."""
+
+from __future__ import annotations
+
+from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.observables import OBSERVABLES
+
+
+def names() -> tuple[str, ...]:
+    """The observables that an axisymmetric state has, those that a user registered included."""
+    return tuple(n for n, known in OBSERVABLES.items() if not known.on_meshes and not known.vector)
+
+
+def dimension(name: str) -> str | None:
+    """The dimension of an observable; None where none is stated."""
+    return OBSERVABLES[name].dimension
+
+
+def observed(solution: SteadySolution, name: str) -> float:
+    """An observable of a state, in the units of its parameters."""
+    return OBSERVABLES[name].values(name, solution.cell)[0]
