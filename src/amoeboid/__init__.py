@@ -24,7 +24,13 @@ if TYPE_CHECKING:
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
-    from amoeboid.observables import OBSERVABLES, observed
+    from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
+    from amoeboid.runs.analysis import Kymograph, Spectrum
+    from amoeboid.runs.meshes import Icosphere, Surface
+    from amoeboid.runs.snapshot import Snapshot
+    from amoeboid.runs.solution import Solution, simulate
+    from amoeboid.runs.stored import StoredRun, load
+    from amoeboid.simulation.events import steady, time, when
     from amoeboid.simulation.loop import evolve, start
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
@@ -38,27 +44,36 @@ if TYPE_CHECKING:
 
 _HOMES = {
     "Branch": "studies.branch",
+    "Cell": "observables",
     "Config": "config",
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
     "Flow": "surface.state",
+    "Icosphere": "runs.meshes",
     "Initial": "config",
     "InitialCell": "meshes.cells",
     "InvalidInput": "validation",
     "Inverse": "model.polymerization",
+    "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
     "Mesh": "config",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
+    "Observable": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
     "PhaseDiagram": "studies.phase_diagram",
+    "Snapshot": "runs.snapshot",
+    "Solution": "runs.solution",
     "SpecialPoint": "studies.branch",
+    "Spectrum": "runs.analysis",
     "State": "surface.state",
     "SteadyState": "studies.states",
     "SteadyStates": "studies.states",
     "Step": "simulation.step",
+    "StoredRun": "runs.stored",
+    "Surface": "runs.meshes",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "studies.branch",
@@ -66,41 +81,56 @@ _HOMES = {
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "growth_rate": "closed_forms.linear",
+    "load": "runs.stored",
+    "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
     "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
     "prediction": "closed_forms.branch",
+    "simulate": "runs.solution",
     "start": "simulation.loop",
+    "steady": "simulation.events",
     "steady_states": "studies.states",
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
+    "time": "simulation.events",
+    "when": "simulation.events",
 }
 
 __all__ = [
     "OBSERVABLES",
     "Branch",
+    "Cell",
     "Config",
     "Custom",
     "Diverged",
     "Exponential",
     "Flow",
+    "Icosphere",
     "Initial",
     "InitialCell",
     "InvalidInput",
     "Inverse",
+    "Kymograph",
     "Law",
     "Mesh",
     "Model",
+    "Observable",
     "Output",
     "Parameters",
     "PhaseDiagram",
+    "Snapshot",
+    "Solution",
     "SpecialPoint",
+    "Spectrum",
     "State",
     "SteadyState",
     "SteadyStates",
     "Step",
+    "StoredRun",
+    "Surface",
     "Theory",
     "Time",
     "branch",
@@ -108,16 +138,22 @@ __all__ = [
     "config_to_toml",
     "evolve",
     "growth_rate",
+    "load",
+    "observable",
     "observed",
     "parameters_from_toml",
     "parameters_to_toml",
     "phase_diagram",
     "points",
     "prediction",
+    "simulate",
     "start",
+    "steady",
     "steady_states",
     "theory",
     "thresholds",
+    "time",
+    "when",
 ]
 
 

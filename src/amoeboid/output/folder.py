@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import platform
 import shutil
 from collections.abc import Iterable, Iterator
@@ -26,9 +27,11 @@ from pathlib import Path
 from typing import Any
 
 from amoeboid.config import Config, anchored, config_from_toml, config_to_toml, resolved
+from amoeboid.meshes.cells import InitialCell
+from amoeboid.model.units import Units
 from amoeboid.output.atomic import text_of, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
-from amoeboid.output.frames import FrameFiles
+from amoeboid.output.frames import FrameFiles, write_initial
 from amoeboid.output.timeseries import TimeSeriesFile
 from amoeboid.output.versions import installed_versions
 from amoeboid.simulation.dense_output import Schedule
@@ -69,6 +72,11 @@ class RunFolder:
         self.writers = (self.series, self.frames, *checked(writers), self.checkpoint)
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
         self._last: Step | None = None
+
+    @property
+    def begun(self) -> bool:
+        """Whether a step has been taken up."""
+        return self._last is not None
 
     @property
     def rows(self) -> list[Row]:
@@ -128,7 +136,7 @@ class RunFolder:
 
     def write_manifest(self, status: str, **more: Any) -> None:
         """Write manifest.json; `status` is running, finished, interrupted, diverged or failed."""
-        frames = self.frames.list_anew()
+        frames, sizes = self.frames.list_anew(), self.config.parameters.units
         manifest = {
             "status": status,
             **more,
@@ -136,6 +144,7 @@ class RunFolder:
             **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
             **({} if self.adapted is None else {"initial_shape": self.adapted}),
             "units": self.units,
+            **({} if sizes is None else {"unit_sizes": asdict(sizes)}),
             "seed": self.config.initial.seed,
             "versions": installed_versions(),
             "python": platform.python_version(),
@@ -184,23 +193,32 @@ def new_run(
     adapted: Adaptation | None = None,
     writers: Iterable[Any] = (),
     observe: Iterable[str] | None = None,
+    cell: InitialCell | None = None,
 ) -> RunFolder:
     """Start a run in an empty folder; the files that the configuration names are copied into it.
 
-    `adapted`: what was done to a shape from a file, for the manifest. Raises InvalidInput, before
+    `adapted`: what was done to a shape from a file, for the manifest; `cell`: what the run starts
+    as, if not as the configuration says. Raises InvalidInput, before
     anything is written, for a law that no file can hold and for observables with the names of other
     columns.
     """
     config_to_toml(config)
     RunFolder(folder, config, writers, observe)
-    run = RunFolder(folder, _with_own_files(folder, config), writers, observe)
+    run = RunFolder(folder, _with_own_files(folder, config, cell), writers, observe)
     run.adapted = None if adapted is None else asdict(adapted)
     run.begin()
     return run
 
 
-def _with_own_files(folder: Path, config: Config) -> Config:
-    """`config` with copies in `folder` of the files it names, by their names there."""
+def _with_own_files(folder: Path, config: Config, cell: InitialCell | None) -> Config:
+    """`config` with copies in `folder` of the files it names, by their names there.
+
+    A cell to start as becomes such a file.
+    """
+    if cell is not None:
+        name = f"{COPIES['from_frame']}.vtp"
+        write_atomically(folder / name, lambda p: write_initial(p, cell))
+        return replace(config, initial=replace(config.initial, from_frame=name))
     copies: dict[str, Any] = {}
     for field in COPIES:
         source = getattr(config.initial, field)
@@ -224,7 +242,9 @@ def stored_config(folder: Path) -> Config:
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    return config_from_toml(text_of(path), repr(str(path)))
+    config = config_from_toml(text_of(path), repr(str(path)))
+    units = _unit_sizes(stored_manifest(folder))
+    return replace(config, parameters=replace(config.parameters, units=units))
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -257,10 +277,10 @@ def resumed_run(
     if not has_checkpoint(folder):
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
     run = RunFolder(folder, config, writers, observe)
-    manifest = _stored_manifest(folder)
+    manifest = stored_manifest(folder)
     try:
         saved = read_checkpoint(folder / "checkpoint.npz")
-        run.series.continued(saved.step, _units(manifest))
+        run.series.continued(saved.step, stored_units(manifest))
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
             f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "
@@ -274,7 +294,7 @@ def resumed_run(
     return run, saved.step
 
 
-def _stored_manifest(folder: Path) -> dict[str, Any]:
+def stored_manifest(folder: Path) -> dict[str, Any]:
     """What the manifest of a stored run says, empty if it cannot be read."""
     try:
         found = json.loads(text_of(folder / "manifest.json"))
@@ -283,11 +303,22 @@ def _stored_manifest(folder: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _units(manifest: dict[str, Any]) -> dict[str, str | None]:
+def stored_units(manifest: dict[str, Any]) -> dict[str, str | None]:
     """Dimensions of the columns of a stored time series, as far as its manifest has them."""
     found = manifest.get("units")
     found = found if isinstance(found, dict) else {}
     return {str(name): unit for name, unit in found.items() if isinstance(unit, str)}
+
+
+def _unit_sizes(manifest: dict[str, Any]) -> Units | None:
+    """Size of the units of a stored run, if its parameters had been given in physical ones."""
+    sizes = manifest.get("unit_sizes")
+    names = [f.name for f in fields(Units)]
+    if not isinstance(sizes, dict) or set(sizes) != set(names):
+        return None
+    numbers = [sizes[name] for name in names]
+    known = all(isinstance(x, float) and 0.0 < x < math.inf for x in numbers)
+    return Units(**sizes) if known else None
 
 
 def _adapted(manifest: dict[str, Any]) -> dict[str, Any] | None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from amoeboid.arrays import Array, Index
+from amoeboid.meshes.cells import InitialCell
 from amoeboid.observables import retrograde_flow
 from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
@@ -67,20 +70,7 @@ def write_frame(path: Path, step: Step) -> None:
 
     Fields: c, v_p, v_c, v (frame of the nodes), retrograde_flow (frame of the cell), normal.
     """
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
-
-    state, flow, faces = step.state, step.flow, step.model.mesh.faces
-    surface = vtkPolyData()
-    points = vtkPoints()
-    points.SetData(numpy_to_vtk(state.r, deep=True))
-    surface.SetPoints(points)
-    cells = vtkCellArray()
-    triangles = np.column_stack([np.full(len(faces), 3), faces]).ravel()
-    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
-    surface.SetPolys(cells)
+    state, flow = step.state, step.flow
     fields = {
         "c": state.c,
         "v_p": flow.v_p,
@@ -89,16 +79,43 @@ def write_frame(path: Path, step: Step) -> None:
         "retrograde_flow": retrograde_flow(step.cell),
         "normal": flow.normals,
     }
+    numbers: dict[str, ArrayLike] = {"t": [state.t], "zeta0": [state.zeta0]}
+    numbers["cortex_drag_position"] = state.position
+    _write(path, state.r, step.model.mesh.faces, fields, numbers)
+
+
+def write_initial(path: Path, cell: InitialCell) -> None:
+    """Write a cell that a run starts as; `initial.from_frame` reads it."""
+    _write(path, cell.r, cell.faces, {"c": cell.c}, {"t": [0.0], "zeta0": [cell.zeta0]})
+
+
+def _write(
+    path: Path,
+    r: Array,
+    faces: Index,
+    fields: Mapping[str, Array],
+    numbers: Mapping[str, ArrayLike],
+) -> None:
+    """Write nodes, triangles, fields at the nodes and numbers as VTK PolyData."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    surface = vtkPolyData()
+    points = vtkPoints()
+    points.SetData(numpy_to_vtk(r, deep=True))
+    surface.SetPoints(points)
+    cells = vtkCellArray()
+    triangles = np.column_stack([np.full(len(faces), 3), faces]).ravel()
+    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
+    surface.SetPolys(cells)
     for name, values in fields.items():
         array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
         array.SetName(name)
         surface.GetPointData().AddArray(array)
     surface.GetPointData().SetActiveScalars("c")
-    for name, value in (
-        ("t", [state.t]),
-        ("zeta0", [state.zeta0]),
-        ("cortex_drag_position", state.position),
-    ):
+    for name, value in numbers.items():
         array = numpy_to_vtk(np.asarray(value, dtype=float), deep=True)
         array.SetName(name)
         surface.GetFieldData().AddArray(array)

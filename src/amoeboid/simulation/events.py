@@ -11,10 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 from amoeboid.conditions import condition, holds
 from amoeboid.config import Time
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import measured
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
 
@@ -38,12 +41,12 @@ class Steady:
 class At:
     """The simulated time `t` is reached; the last step ends exactly there."""
 
-    t: float
+    t: Any
     name = END_OF_TIME
 
     def __call__(self, step: Step) -> bool:
         """Whether the run ends at a step."""
-        return step.state.t >= self.t
+        return bool(step.state.t >= time_of(self.t, step.model.parameters, "time"))
 
 
 @dataclass(frozen=True)
@@ -70,9 +73,11 @@ def steady() -> Steady:
     return Steady()
 
 
-def time(t: float) -> At:
-    """The event that the simulated time t [T] is reached."""
-    return At(Time(end=t).end or 0.0)
+def time(t: Any) -> At:
+    """The event that the simulated time t [T] is reached; for cells with units also "300 s"."""
+    if isinstance(t, int | float):
+        Time(end=t)  # refuses what is no time
+    return At(t)
 
 
 def when(text: str) -> When:
@@ -105,7 +110,22 @@ def reason(step: Step, events: Iterable[Event]) -> str | None:
     return None
 
 
-def declared(time: Time, until: Any) -> tuple[Time, tuple[Event, ...]]:
+def time_of(given: Any, p: Parameters, name: str) -> float:
+    """A time as a number [T]: a number, or a quantity such as "300 s" for a cell with units.
+
+    Raises InvalidInput, naming `name`.
+    """
+    if isinstance(given, Real) and not isinstance(given, bool):
+        return float(given)
+    if p.units is None:
+        raise InvalidInput(
+            f"{name} must be a number in the units of the parameters, got {given!r}; for "
+            "quantities with units start from Parameters.physical"
+        )
+    return measured(name, given, "T", "300 s") / p.units.of("T")
+
+
+def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, ...]]:
     """A section [time] with the events of `until` in it, and those that only Python can hold.
 
     `until` is an event or several; it replaces what ends a run by itself. Raises InvalidInput.
@@ -120,7 +140,7 @@ def declared(time: Time, until: Any) -> tuple[Time, tuple[Event, ...]]:
                 f"amoeboid.time(100), amoeboid.when({'polarity > 0.5'!r}) or a function of a step, "
                 f"got {event!r}"
             )
-    ends = [event.t for event in events if isinstance(event, At)]
+    ends = [time_of(event.t, p, "time") for event in events if isinstance(event, At)]
     conditions = tuple(event.condition for event in events if isinstance(event, When))
     own = tuple(e for e in events if not isinstance(e, Steady | At | When))
     stops = any(isinstance(event, Steady) for event in events)
