@@ -156,12 +156,11 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
         run.begin()
         return run, first
     run, first = resumed_run(args.resume, config)
-    ended = ended_already(first, run.config.time)
-    if ended is not None:
-        # a condition that was not asked for now stands in the configuration of the run
-        remedy = "time.stop_when_steady=false" if ended == "steady" else "time.until=[]"
+    done = ended_already(first, run.config.time)
+    if done is not None:
+        remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has ended {ended} at t = {first.state.t:g}; "
+            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; "
             f"to go on, --set {remedy}"
         )
     least = least_end(first, run.config.time)

@@ -144,9 +144,13 @@ class Run:
 
     @property
     def columns(self) -> dict[str, Column]:
-        """The time series in the units of the parameters."""
-        p = self.parameters
-        return {n: column(p, column_of(self.rows, self.units, n), u) for n, u in self.units.items()}
+        """The time series in the units of the parameters; NaN where a column is not known."""
+        p, found = self.parameters, {}
+        for name, dimension in self.units.items():
+            values = column_of(self.rows, self.units, name)
+            known = values.filled(np.nan) if np.ma.isMaskedArray(values) else values
+            found[name] = column(p, known, dimension)
+        return found
 
     def to_pandas(self) -> Any:
         """The time series as a pandas.DataFrame over t; its `attrs["units"]` holds the units."""
