@@ -108,7 +108,7 @@ def write_states(states: SteadyStates, path: Path) -> None:
 
 def _number(state: SteadyState, name: str) -> float:
     """An observable as it is drawn: a number in the unit of its label."""
-    value = state.observables[name]
+    value = state.number(name)
     return float(magnitude(state.parameters, value, observed.dimension(name)))
 
 
