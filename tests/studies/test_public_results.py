@@ -14,7 +14,8 @@ from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.studies import columns
 
 BISTABLE = am.Parameters(D=0.4, v_p0=5.5)
-CELL = am.Parameters.physical()
+CELL = am.Parameters.physical(D="1 um^2/s", v_p0="2 um/s")  # smooth: few modes
+PAPER_CELL = am.Parameters.physical()
 MAX_REPR = 1000
 
 
@@ -40,7 +41,7 @@ def cell_states():
 
 @pytest.fixture(scope="module")
 def cell_branch():
-    return am.branch(CELL, "v_p0", 0, "1.6 um/s", max_step=0.4)
+    return am.branch(CELL, "v_p0", 0, "2.2 um/s", max_step=0.4)
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ def results(states, branch, diagram, cell_states, cell_branch):
         diagram,
         am.theory(BISTABLE),
         am.theory(am.Parameters(law="1 + 0*c")),
-        am.theory(CELL),
+        am.theory(PAPER_CELL),
         cell_states,
         cell_states[1],
         cell_branch,
@@ -244,21 +245,22 @@ def test_branches_that_cannot_be_are_refused(arguments, says):
 
 
 def test_physical_cells_give_quantities_that_agree_with_plain_numbers(cell_states, cell_branch):
-    """The paper's cell is the table's point but for c_r and D, in other units."""
-    plain = CELL.replace()
-    state, expected = cell_states[1], steady_solutions(plain, (1,))[1]
+    state, expected = cell_states[1], steady_solutions(CELL, (1,))[1]
     speed = state.max_retrograde_speed
     assert f"{speed.units:~P}" == "µm/s"
     # the units of the cell: R0 = 10 um, 1/beta = 10 s
     assert speed.to("um/s").magnitude == pytest.approx(expected.max_retrograde_speed * 10 / 10)
-    assert speed.to("nm/s").magnitude == pytest.approx(163.12, abs=0.01)
-    assert state.c_rear.to("1/um^2").magnitude == pytest.approx(2977.32, abs=0.01)
+    assert speed.to("nm/s").magnitude == pytest.approx(293.92, abs=0.01)
+    assert state.c_rear.to("1/um^2").magnitude == pytest.approx(2556.84, abs=0.01)
     assert state.deformation == pytest.approx(expected.deformation)
     rate = state.growth_rates(1)[0]
     assert rate.to("1/s").magnitude == pytest.approx(growth_rates(expected, 1)[0] / 10)
-    assert cell_branch.v_p0[-1].to("um/s").magnitude == pytest.approx(1.6)
-    assert cell_branch.thresholds[0].to("um/s").magnitude == pytest.approx(1.46060025, rel=1e-8)
-    assert "threshold 1.46060 um/s" in repr(cell_branch)
+    assert cell_branch.v_p0[-1].to("um/s").magnitude == pytest.approx(2.2)
+    # the threshold of the paper's cell, 1.46060025 um/s, is proportional to D/R0 + beta R0/2
+    assert cell_branch.thresholds[0].to("um/s").magnitude == pytest.approx(
+        1.46060025 * (0.1 + 0.5) / (0.003 + 0.5), rel=1e-8
+    )
+    assert "threshold 1.74227 um/s" in repr(cell_branch)
     assert state.outline(3)[0].to("um").magnitude.max() == pytest.approx(10, rel=0.05)
     assert cell_states.to_pandas().attrs["units"]["max_retrograde_speed"] == "um/s"
     with pytest.raises(am.InvalidInput, match="end must be a number with a unit"):
@@ -268,7 +270,7 @@ def test_physical_cells_give_quantities_that_agree_with_plain_numbers(cell_state
 
 
 def test_theory_of_a_physical_cell_has_units():
-    found = am.theory(CELL)
+    found = am.theory(PAPER_CELL)
     assert found.threshold.to("um/s").magnitude == pytest.approx(1.46060025, rel=1e-8)
     assert found.thresholds.to("um/s").magnitude == pytest.approx([1.46060025], rel=1e-8)
     assert found.growth_rates[1].check("1/[time]")
@@ -284,10 +286,10 @@ def test_theory_of_a_physical_cell_has_units():
 
 
 def test_a_diagram_of_a_physical_cell_has_units():
-    found = am.phase_diagram(CELL, "D", "0.1 um^2/s", "0.2 um^2/s", speeds=("1 um/s", "2 um/s"),
+    found = am.phase_diagram(CELL, "D", "1 um^2/s", "1.2 um^2/s", speeds=("1.6 um/s", "2.2 um/s"),
                              columns=2, rows=2)  # fmt: skip
-    assert found.speeds.to("um/s").magnitude == pytest.approx([1, 2])
-    assert found.values.to("um^2/s").magnitude == pytest.approx([0.1, 0.2])
+    assert found.speeds.to("um/s").magnitude == pytest.approx([1.6, 2.2])
+    assert found.values.to("um^2/s").magnitude == pytest.approx([1.0, 1.2])
     assert found.to_xarray()["D"].attrs["units"] == "um^2/s"
     assert found.regions.tolist() == [[0, 0], [1, 1]]
     assert len(repr(found)) < MAX_REPR
