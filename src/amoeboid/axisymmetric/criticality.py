@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
-from amoeboid.axisymmetric.unknowns import split
+from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, Point, at_distance
 from amoeboid.validation import InvalidInput
@@ -58,7 +58,7 @@ def _estimate(start: Point, threshold: float, distance: float, options: Options)
         point = at_distance(start, share * distance, options)
         if point is None:
             return None
-        square = float(split(point.x, (point.x.size - 3) // 3)[2][1] ** 2)
+        square = float(split(point.x, mode_count(point.x))[2][1] ** 2)
         if square == 0:
             return None
         squares.append(square)

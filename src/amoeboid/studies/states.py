@@ -17,7 +17,7 @@ from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, g
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.display import html_picture, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
@@ -133,7 +133,7 @@ class SteadyState:
             raise InvalidInput(
                 f"the mesh must be an icosphere or its number of subdivisions, got {mesh!r}"
             )
-        directions, faces = even_icosphere(subdivisions)
+        directions, faces = uniform_icosphere(subdivisions)
         r, c = on_directions(self.solution, directions)
         return InitialCell(r, faces, np.maximum(c, 0.0), self.solution.zeta0)
 

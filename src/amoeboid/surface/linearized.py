@@ -1,14 +1,16 @@
-"""An implicit Euler step of small disturbances of a steady cell, with one factorization.
+"""An implicit Euler step of small perturbations of a steady cell, with one factorization.
 
-The equations of motion (force balance, area, filament balance) are those of the step, evaluated at
-a slightly disturbed state. The force balance near a known flow takes one back-substitution, exact
-to first order in the disturbance; so does one pass towards the solution of the implicit step,
-x = T x + S y, from disturbances y before the step. The passes themselves need not converge:
-(1 - T) x = S y is solved as what it is, a linear equation.
+The equations of motion (force balance, area, filament balance) are those of the time step,
+evaluated at a slightly perturbed state. Near a known flow the force balance takes one
+back-substitution, which is exact to first order in the perturbation. The implicit step maps a
+perturbation y before the step to the solution x of x = T x + S y; one iteration evaluates the right
+side with one back-substitution. The iteration need not converge, because the linear equation
+(1 - T) x = S y is solved by a method for linear equations.
 
-A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the
-surface are none, so that the many slow modes of the mesh play no part. Nodes turn with the cell, as
-they do in a run: a mesh at rest would hold or drive a cell that is about to turn.
+A perturbation (2V,) consists of c'/(c0 + c) and h/R0, with the displacement h along the normals.
+Displacements within the surface are excluded, and with them the many slow modes of the mesh. Nodes
+rotate with the cell as they do in a run, because a mesh that does not rotate would hold or drive a
+cell that starts to rotate.
 """
 
 from __future__ import annotations
@@ -18,25 +20,25 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
 from amoeboid.numerics.recycling import Recycling
-from amoeboid.surface.force_balance import cortex, force_balance
+from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import turning_rate
+from amoeboid.surface.rigid import angular_velocity
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import exchanged, implicit_matrix
 
-# Largest disturbance: small against what is not linear, large against rounding.
+# Size of the perturbation: nonlinear terms and rounding errors are small compared to it.
 AMPLITUDE = 1e-6
-# Flux correction compares neighbors, and flows from one to another with flows back. It has a kink
-# where they are equal, as in a cell that is as symmetric as its mesh. It is linearized for
-# concentrations and velocities so far beside, relative to c0 + c and rate R0, on one side or on the
-# opposite.
-BESIDE = 1e-5
+# Flux correction compares the concentrations of neighbors, and the flows from one to the other and
+# back. It has a kink where they are equal, as in a cell with the symmetry of its mesh. It is
+# therefore linearized at concentrations and velocities that differ by random offsets of this size,
+# relative to c0 + c and rate R0.
+OFFSET = 1e-5
 
 
 class LinearizedStep:
-    """What an implicit Euler step of length dt makes of small disturbances of `state`.
+    """The linear map of small perturbations of `state` by an implicit Euler step of length dt.
 
-    `flow`: that in the state, up to a small error. Raises SingularMatrix, InvalidInput.
+    `flow`: the flow in the state, up to a small error. Raises SingularMatrix, InvalidInput.
     """
 
     def __init__(self, model: Model, state: State, flow: Flow, dt: float) -> None:
@@ -44,39 +46,40 @@ class LinearizedStep:
         self.g = geometry(state.r, model.mesh.faces)
         self._scale = model.parameters.c0 + state.c
         self._zeta0, self._v_c = flow.zeta0, flow.v_c
-        self._near = cortex(model, state.r, self.g, dt, flow.zeta0, flow.v_c)
-        along = np.einsum("vi,vi->v", area_gradient(self.g, model.mesh.faces), self.g.normals)
-        self._area_gradient = along
-        self._by_tension = np.einsum("vi,vi->v", self._near.slope, self.g.normals)
-        rest = np.zeros(len(state.c))
-        v, _, _ = self._velocity(rest, rest, rest)
-        # what the velocity is less in axes that turn, by unit rates around three axes (3, V, 3)
-        self._turns = [self._velocity(rest, rest, rest, axis)[0] - v for axis in np.eye(3)]
-        self._turning = turning_rate(model, state.r, state.c, self.g, v)
+        self._factorized = factorized_cortex(model, state.r, self.g, dt, flow.zeta0, flow.v_c)
+        dA_dr = area_gradient(self.g, model.mesh.faces)
+        self._area_gradient = np.einsum("vi,vi->v", dA_dr, self.g.normals)
+        self._dh_dzeta0 = np.einsum("vi,vi->v", self._factorized.dv_dzeta0, self.g.normals)
+        zero = np.zeros(len(state.c))
+        v, _, _ = self._velocity(zero, zero, zero)
+        # change of the velocity in a frame with unit angular velocity around each axis (3, V, 3)
+        self._rotations = [self._velocity(zero, zero, zero, axis)[0] - v for axis in np.eye(3)]
+        self._angular_velocity = angular_velocity(model, state.r, state.c, self.g, v)
         self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
         u = v - normal_part(v, self.g.normals)
-        beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, (len(rest), 4))
-        self._c_beside = beside[:, 0] * self._scale
-        self._u_beside = beside[:, 1:] * model.rate * model.parameters.R0
+        offset = OFFSET * np.random.default_rng(0).uniform(-1.0, 1.0, (len(zero), 4))
+        self._c_offset = offset[:, 0] * self._scale
+        self._u_offset = offset[:, 1:] * model.rate * model.parameters.R0
         self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
         self._entries, _ = implicit_matrix(model, self.g, u, dt)
-        self._equations = Recycling(self._defect, 2 * len(rest))
+        self._equations = Recycling(self._defect, 2 * len(zero))
 
     def image(self, y: Array, tolerance: float) -> Array:
-        """The disturbance (2V,) after the step, from that before. Raises NoConvergence."""
-        return self.solved(self.one_pass(np.zeros_like(y), y), tolerance)
+        """The perturbation (2V,) after the step, from that before. Raises NoConvergence."""
+        return self.solved(self.iterate(np.zeros_like(y), y), tolerance)
 
     def solved(self, b: Array, tolerance: float) -> Array:
         """x (2V,) with (1 - T) x = b up to `tolerance` |b|. Raises NoConvergence."""
         return self._equations.solve(b, tolerance)
 
     def _defect(self, x: Array) -> Array:
-        return x - self.one_pass(x, np.zeros_like(x))
+        return x - self.iterate(x, np.zeros_like(x))
 
-    def one_pass(self, x: Array, y: Array, side: int = 1) -> Array:
-        """T x + S y: an estimate of the disturbance after the step from x, one before, and y.
+    def iterate(self, x: Array, y: Array, side: int = 1) -> Array:
+        """T x + S y: an improved estimate of the perturbation after the step, from an estimate x.
 
-        `side` (1 or -1): on which side of its kinks the flux correction is taken; see `BESIDE`.
+        y is the perturbation before the step. `side` (1 or -1): the side of the kinks of the flux
+        correction; see `OFFSET`.
         """
         size = max(np.abs(x).max(), np.abs(y).max())
         if size == 0.0:
@@ -85,14 +88,14 @@ class LinearizedStep:
         (c_x, h_x), (c_y, h_y) = np.split(amplitude * x, 2), np.split(amplitude * y, 2)
         p, dt, area = self.model.parameters, self.dt, self._area_gradient
         v, c, g = self._velocity(c_x, h_x, h_y)
-        # nodes turn with the cell
-        turning = turning_rate(self.model, self._moved(h_x), c, g, v) - self._turning
-        v = v + np.tensordot(turning, self._turns, 1)
+        # nodes rotate with the cell
+        omega = angular_velocity(self.model, self._moved(h_x), c, g, v) - self._angular_velocity
+        v = v + np.tensordot(omega, self._rotations, 1)
         h = h_y + dt / p.R0 * (np.einsum("vi,vi->v", v, g.normals) - self._v_n)
         # the tension that keeps the area
-        zeta0 = -(area @ h) / (area @ self._by_tension) * p.R0 / dt
-        h += dt / p.R0 * zeta0 * self._by_tension
-        v = v + zeta0 * self._near.slope
+        zeta0 = -(area @ h) / (area @ self._dh_dzeta0) * p.R0 / dt
+        h += dt / p.R0 * zeta0 * self._dh_dzeta0
+        v = v + zeta0 * self._factorized.dv_dzeta0
         u = v - normal_part(v, g.normals)
         gain = self._gained(c, g, u, side) - self._gain[side]
         before = node_areas(self._moved(h_y), self.model.mesh.faces)
@@ -101,24 +104,24 @@ class LinearizedStep:
         return np.concatenate([c_x + more / self._scale, h]) / amplitude
 
     def _velocity(
-        self, c_x: Array, h_x: Array, h_y: Array, turning: Array | None = None
+        self, c_x: Array, h_x: Array, h_y: Array, omega: Array | None = None
     ) -> tuple[Array, Array, Geometry]:
-        """Velocity (V, 3), c (V,) and geometry, disturbed by x, with tension of the state.
+        """Velocity (V, 3), c (V,) and geometry of the perturbed cell, at the tension of the state.
 
-        Implicit tension acts on what the step moves the shape beyond x. The velocity is that in
-        axes that turn at the rate `turning` (3,) [1/T], or do not.
+        Implicit tension acts on the motion of the shape beyond h_x. The velocity is relative to
+        axes with the angular velocity `omega` (3,) [1/T] (None: 0).
         """
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
         solution = force_balance(
-            self.model, self._near, r, g, c, self._zeta0, ahead, self._v_c, turning
+            self.model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, omega
         )
         return solution.v(self._zeta0), c, g
 
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
-        """Filaments (V,) that nodes gain in a unit of time, on one side of the kinks."""
+        """Filaments (V,) that nodes gain per unit time, on one side of the kinks."""
         p = self.model.parameters
-        c, u = c + side * self._c_beside, u + side * self._u_beside
+        c, u = c + side * self._c_offset, u + side * self._u_offset
         return exchanged(self.model, c, g, u) + p.beta * p.c0 * g.node_areas
 
     def _moved(self, h: Array) -> Array:
@@ -126,6 +129,6 @@ class LinearizedStep:
         return np.asarray(self.state.r + self.model.parameters.R0 * h[:, None] * self.g.normals)
 
     def _transported(self, numbers: Array) -> Array:
-        """What becomes of `numbers` of filaments (V,) that a step adds: a concentration (V,)."""
-        rest = np.zeros_like(numbers)
-        return self.model.scalar_solver.solve(self._entries, numbers, guess=rest)
+        """The change of concentration (V,) by a step that adds `numbers` of filaments (V,)."""
+        zero = np.zeros_like(numbers)
+        return self.model.scalar_solver.solve(self._entries, numbers, guess=zero)

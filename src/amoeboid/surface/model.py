@@ -1,4 +1,4 @@
-"""The discretized model, the state it acts on, and the flow that one evaluation gives."""
+"""The discretized model: parameters on a mesh, with the solvers for its matrices."""
 
 from __future__ import annotations
 
@@ -13,16 +13,15 @@ from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.cholesky import BlockCholesky
-from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
+from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Parameters on a connectivity; holds no solution.
+    """Parameters on a connectivity; contains no solution.
 
-    `edge_length` [L] is what remeshing aims at: that of equilateral triangles of the area A0, as
-    many as the run began with.
+    `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
+    the total area A0, as many as at the beginning of the run.
     """
 
     parameters: Parameters
@@ -41,7 +40,7 @@ class Model:
 
     @cached_property
     def rate(self) -> float:
-        """Parameters.rate: the unit in which slow and steady are measured [1/T]."""
+        """Parameters.rate, the unit of all rates of change [1/T]."""
         return self.parameters.rate
 
     @cached_property
@@ -50,14 +49,14 @@ class Model:
         return float(growth_rate(self.parameters, 1))
 
     @cached_property
-    def vector_solver(self) -> BlockCholesky:
+    def vector_solver(self) -> SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        return BlockCholesky(self.mesh.row_start, self.mesh.columns)
+        return SparseCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
-    def scalar_solver(self) -> DominatedByDiagonal:
+    def scalar_solver(self) -> MMatrixLU:
         """Solver for (V, V) matrices of node concentrations."""
-        return DominatedByDiagonal(self.mesh.row_start, self.mesh.columns)
+        return MMatrixLU(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:
