@@ -46,7 +46,7 @@ class Column:
 
     `regions` (rows,) indexes REGIONS; `flow` (rows,) is the maximal retrograde speed of the
     fastest stable polarized state, 0 where there is none. `problem` says what stopped the branch
-    before it passed all of `speeds`, if anything did.
+    before it passed all of `speeds`; empty if nothing did.
     """
 
     value: float
