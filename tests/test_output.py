@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from amoeboid.cli import output
 from amoeboid.cli.main import main
-from amoeboid.cli.tables import number, percent, table, text
+from amoeboid.cli.tables import number, table, text
+from amoeboid.studies.columns import percent
 from amoeboid.terminal import fitting
 from command import COMMAND, SHORT
 

@@ -354,7 +354,7 @@ def test_a_straight_cell_that_is_unstable_is_not_steady_and_turns(monkeypatch):
     directions = headings(steps)
     place = steps.index(known[0])
     assert directions[place] @ directions[place // 2] > 0.999
-    # then the disturbance took it off its way
+    # then the perturbation took it off its way
     assert steps[-1].ended == "end of time"
     assert (directions[place:] @ directions[place]).min() < 0.5
     # without the analysis it ends there
@@ -462,7 +462,7 @@ def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_aga
 
 
 def test_a_cell_whose_front_is_empty_ends_steady():
-    """Where flux correction rules, on too coarse a mesh, little is known of disturbances."""
+    """Where flux correction rules, on too coarse a mesh, little is known of perturbations."""
     config = Config(
         parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
         mesh=Mesh(subdivisions=1),

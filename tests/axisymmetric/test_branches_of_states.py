@@ -8,7 +8,7 @@ from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets
 from amoeboid.axisymmetric.search import _without_speed, steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
-from amoeboid.axisymmetric.unknowns import split
+from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.amplitude import cubic_coefficient
 from amoeboid.closed_forms.linear import critical_speed, finite_pressure_matrix, growth_rate
@@ -143,7 +143,7 @@ def onset_slope(p):
     squares, slopes = [], []
     for distance in np.linspace(0.05, 0.15, 6):
         point = at_distance(start, distance, options)
-        a = first_harmonic(point.x, (point.x.size - 3) // 3)
+        a = first_harmonic(point.x, mode_count(point.x))
         squares.append(a**2)
         slopes.append((point.parameter - threshold) / a**2)
     return np.polyfit(squares, slopes, 4)[-1]

@@ -7,6 +7,7 @@ import pytest
 
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.closed_forms.amplitude import at_threshold, bifurcation, cubic_coefficient
 from amoeboid.closed_forms.branch import branch, prediction
 from amoeboid.closed_forms.linear import critical_speed
@@ -45,8 +46,8 @@ def test_the_theory_becomes_exact_at_the_threshold():
 
 
 def state_at(point, p):
-    n = (point.x.size - 3) // 3
-    return SteadySolution(p.replace(v_p0=point.parameter), n, point.x, True, ())
+    at = p.replace(v_p0=point.parameter)
+    return SteadySolution(at, mode_count(point.x), point.x, True, ())
 
 
 def measured_branch(p):

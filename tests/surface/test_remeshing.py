@@ -322,11 +322,11 @@ def test_an_attempt_in_vain_is_remembered_until_an_edge_has_changed(monkeypatch)
     """A mesh that nothing mends is tried once, not at every step."""
     attempts = []
 
-    def in_vain(model, state):
+    def unsuccessful(model, state):
         attempts.append(state.r)
         return model, state
 
-    monkeypatch.setattr(simulation, "remeshed", in_vain)
+    monkeypatch.setattr(simulation, "remeshed", unsuccessful)
     model, state = needle(2, 4.0)
     flow = flow_of(model, state, 1e-4)
     step = Step(0, model, (state,), flow, 1e-5, 0, 1.0)

@@ -1,4 +1,4 @@
-"""The fastest disturbance of a steady cell, against linear theory and the axisymmetric spectrum."""
+"""The fastest perturbation of a steady cell, by linear theory and the axisymmetric spectrum."""
 
 from dataclasses import replace
 from functools import cache
@@ -12,7 +12,6 @@ from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import PAPER_CELL, to_simulation
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
 from amoeboid.simulation import loop as simulation
@@ -36,7 +35,7 @@ NO_TURNOVER = Parameters(D=0.1, v_p0=0.75, beta=0.0)
 # filaments swept to the rear: the map is far from normal
 SWEPT = Parameters()
 VERY_SWEPT = Parameters(D=0.01, v_p0=5.0)
-PAPER = to_simulation(PAPER_CELL)[0]
+PAPER = Parameters.physical()
 # without turnover, and without filaments at the front
 EMPTIED = Parameters(D=0.1, v_p0=3.0, beta=0.0)
 
@@ -158,7 +157,7 @@ def test_where_nothing_decays_slowly_enough_it_says_so(monkeypatch):
     monkeypatch.setattr(stability, "MIN_FACTOR", 2.0)
     found = leading_growth_rate(step.model, step.state, step.flow)
     assert found.rate is None
-    assert "no disturbance was found" in found.problem
+    assert "no perturbation was found" in found.problem
 
 
 def test_where_no_step_can_be_made_it_is_not_known(monkeypatch):
@@ -186,7 +185,7 @@ def test_motions_that_do_not_change_the_cell_are_no_disturbances(p, motions):
 
 
 def dense_rates(step, dt=1.0, applied=np.eye):
-    """Growth rates of all disturbances of the restricted step, fastest first.
+    """Growth rates of all perturbations of the restricted step, fastest first.
 
     From its equations (1 - T) x = S y as full matrices, solved directly.
     """
@@ -252,13 +251,13 @@ def test_the_linearized_step_is_the_difference_of_two_steps(monkeypatch):
     ends = []
     for sign in (1, -1):
         r = state.r + sign * p.R0 * h[:, None] * normals
-        disturbed = replace(state, r=r, c=state.c + sign * scale * c, angular_velocity=np.zeros(3))
+        nearby = replace(state, r=r, c=state.c + sign * scale * c, angular_velocity=np.zeros(3))
         # the nodes turn as fast as the cell at the end of the step
         for _ in range(8):
-            end, _, _ = semi_implicit_step(model, (disturbed,), dt, step.flow, 1e-9)
-            used, disturbed = (
-                disturbed.angular_velocity,
-                replace(disturbed, angular_velocity=end.angular_velocity),
+            end, _, _ = semi_implicit_step(model, (nearby,), dt, step.flow, 1e-9)
+            used, nearby = (
+                nearby.angular_velocity,
+                replace(nearby, angular_velocity=end.angular_velocity),
             )
         assert np.abs(end.angular_velocity - used).max() < 1e-4 * np.abs(end.angular_velocity).max()
         center = volume_centroid(end.r, model.mesh.faces)

@@ -10,7 +10,7 @@ from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.iterations import Iteration
 from amoeboid.numerics.multistep import extrapolated
@@ -88,7 +88,7 @@ def test_polarization_along_any_direction_gives_the_same_numbers(direction):
         x = last.state.r - volume_centroid(last.state.r, model.mesh.faces)
         axis = (last.flow.node_areas * last.state.c) @ x
         heading = axis @ np.array(along) / np.linalg.norm(axis) / np.linalg.norm(along)
-        # 162 nodes turn the axis by up to 6e-4 a unit of time, a quarter of that on 642
+        # 162 nodes turn the axis by up to 6e-4 per unit time, a quarter of that on 642
         assert heading > 1 - 1e-3
         assert -last.state.position @ axis / np.linalg.norm(axis) > 0.999 * np.linalg.norm(
             last.state.position
@@ -146,25 +146,25 @@ def test_area_and_without_turnover_filaments_are_kept_over_a_whole_run(
 
 
 def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
-    """A disturbed mesh drifts back so fast that no filament moves: c at a place must stay."""
+    """A distorted mesh drifts back so fast that no filament moves: c at a place must stay."""
     monkeypatch.setattr(stepping, "MESH_RELAXATION", 1e5)
     p = Parameters(beta=0, D=0, v_p0=0.1, law="v_p0 + 0*c")
     ratios = []
     for subdivisions in (2, 3, 4):
-        r, faces = even_icosphere(subdivisions)
+        r, faces = uniform_icosphere(subdivisions)
         x, y, z = r.T
-        disturbed = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
-        disturbed /= np.linalg.norm(disturbed, axis=1, keepdims=True)
+        distorted = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
+        distorted /= np.linalg.norm(distorted, axis=1, keepdims=True)
         model = Model(p, connectivity(faces))
-        disturbed *= np.sqrt(model.A0 / area(disturbed, faces))
+        distorted *= np.sqrt(model.A0 / area(distorted, faces))
 
         def field(x):
             return 3 + x[:, 2] + 0.5 * x[:, 0] * x[:, 1]
 
-        state = State(0.0, disturbed, field(disturbed), float(base_tension(p)), np.zeros(3))
+        state = State(0.0, distorted, field(distorted), float(base_tension(p)), np.zeros(3))
         for _ in range(40):
             state, *_ = semi_implicit_step(model, (state,), 5e-6 / model.rate)
-        left_behind = np.sqrt(np.mean((field(state.r) - field(disturbed)) ** 2))
+        left_behind = np.sqrt(np.mean((field(state.r) - field(distorted)) ** 2))
         error = np.sqrt(np.mean((state.c - field(state.r)) ** 2))
         ratios.append(error / left_behind)
         print(left_behind, error)

@@ -108,8 +108,8 @@ def bending_rate(subdivisions, axis, dt=0.1, begin=3.0, end=6.0):
     pattern = x[:, 1 - axis] / np.linalg.norm(x, axis=1) * np.exp(x[:, 2])
     runs = []
     for sign in (1, -1):
-        disturbed = replace(state, c=state.c * (1.0 + sign * 1e-3 * pattern))
-        runs.append(((disturbed,), flow_of(model, disturbed, 1e-2)))
+        perturbed_state = replace(state, c=state.c * (1.0 + sign * 1e-3 * pattern))
+        runs.append(((perturbed_state,), flow_of(model, perturbed_state, 1e-2)))
     turning = {}
     for k in range(1, round(end / dt) + 1):
         new = []

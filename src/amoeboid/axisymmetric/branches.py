@@ -27,9 +27,9 @@ def branch_from_sphere(
     n: int = MODES,
     watch: Watch = unwatched,
 ) -> BranchSolution | None:
-    """What lies inside the window of the branch that bifurcates from the sphere in mode l.
+    """The branch that bifurcates from the sphere in mode l, inside the window.
 
-    Its origins are sought at all v_p0 if that is the parameter; else inside the window, and if
+    In v_p0 its origins are sought at all values; in another parameter inside the window and, if
     there is none, outside it, the nearest first. The branch is followed through its folds outside
     the window too. None if the sphere is never neutral to mode l. Raises InvalidInput for a window
     that is no pair low < high.
@@ -93,10 +93,10 @@ def branch_from_state(
     options: Options | None = None,
     watch: Watch = unwatched,
 ) -> BranchSolution:
-    """What lies inside the window of the branch from a steady state on, in the parameter `name`.
+    """The branch in the parameter `name` that passes through a steady state, inside the window.
 
-    It leaves the state in `direction` of the parameter, and is followed through its folds, outside
-    the window too; what lies on the other side of the state is not.
+    It is followed from the state in `direction` of the parameter and through its folds, outside the
+    window too; the other side of the state is not followed.
     """
     window = Window.of(window)
     p, value = state.parameters, float(getattr(state.parameters, name))

@@ -1,8 +1,8 @@
 """A branch of steady states from a start to its natural end, arc by arc.
 
-A branch ends where it meets the sphere (it passes through to its own mirror image, or to another
-branch that was not asked for), where it meets states that are symmetrical front to back, where it
-comes back to its start, and where the parameter reaches zero.
+A branch ends where it meets the sphere (it continues there as its own mirror image, or as another
+branch), where it meets states that are symmetrical front to back, where it returns to its start,
+and where the parameter reaches zero.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import branch_tangent, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous_unknowns
-from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
 from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
@@ -37,20 +37,20 @@ SAME = 1e-6
 """Relative difference up to which two states are the same."""
 
 MAX_DEGREE = 12
-"""Modes of the sphere among which that of a meeting is sought."""
+"""Highest mode of the sphere that is tried where a branch meets the sphere."""
 
 MAX_COARSE_STEP = 1.5
-"""Longest step where points are not asked for."""
+"""Longest step outside the window."""
 
 FINER, MAX_FINER = 8.0, 600.0
-"""Factor by which steps become shorter where one has slid to states of more symmetry, and most."""
+"""Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
 
 SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start", "zero"
 
 
 def modes_of(point: Point) -> int:
     """Number of modes of a point."""
-    return (point.x.size - 3) // 3
+    return mode_count(point.x)
 
 
 def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
@@ -61,13 +61,13 @@ def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
 
 @dataclass
 class Path:
-    """Iterable of the arcs from `start` on, at most once.
+    """The arcs of a branch from `start` on, as an iterable that can be used once.
 
-    Steps outside the `window`, if there is one, are coarse; where the branch comes in, it has a
-    point on the edge. After the last arc `end` names what was met (it stays empty if max_points do
-    not suffice) and `threshold` the value of the parameter where it is the sphere. `last` is the
-    end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the arc
-    that leads to it.
+    Steps outside the `window`, if there is one, are coarse; where the branch enters it, there is a
+    point on the edge. After the last arc, `end` names how the branch ended (empty if max_points did
+    not suffice) and `threshold` is the value of the parameter if it ended at the sphere. `last` is
+    the end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the
+    arc that leads to it.
     """
 
     p: Parameters
@@ -91,7 +91,7 @@ class Path:
             here = yield from self._stretch(here, inside)
 
     def _stretch(self, start: Point, inside: bool) -> Generator[Arc, None, Point | None]:
-        """Arcs with one length of steps; returns where to go on with the other."""
+        """Arcs with one length of steps; returns the point from which the other one continues."""
         options = (
             self.options
             if inside
@@ -117,7 +117,7 @@ class Path:
                 self._finer *= FINER
                 if self._finer > MAX_FINER:
                     raise Stalled(
-                        f"the branch meets states of more symmetry between parameter = "
+                        f"the branch meets states of higher symmetry between parameter = "
                         f"{anchor.parameter:.10g} and {point.parameter:.10g}; the location was not "
                         "found"
                     )
@@ -150,7 +150,7 @@ class Path:
             raise
 
     def _entry(self, arc: Arc) -> Point | None:
-        """The point at which a coarse arc comes into the window, if it does."""
+        """The point at which a coarse arc enters the window, if it does."""
         overlap = self.window.overlap(arc) if self.window is not None else None
         if overlap is None or overlap[0] == arc.a.parameter or arc.backwards:
             return None
@@ -161,7 +161,7 @@ class Path:
     def _slid(self, anchor: Point, point: Point) -> bool:
         """Whether a step from a polarized state led to the sphere or to a symmetrical state.
 
-        A branch that ends on these passes through to its mirror image; a step may miss that.
+        A branch that ends there continues as its mirror image; a step may jump over that point.
         """
         pairs = (
             (self._deviation(anchor), self._deviation(point)),

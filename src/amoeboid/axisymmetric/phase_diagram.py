@@ -21,6 +21,7 @@ from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.search import Rising
 from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
 from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem, homogeneous
+from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, arcs, at_value
@@ -45,7 +46,7 @@ class Column:
 
     `regions` (rows,) indexes REGIONS; `flow` (rows,) is the maximal retrograde speed of the
     fastest stable polarized state, 0 where there is none. `problem` says what stopped the branch
-    before it passed all of `speeds`, if anything did.
+    before it passed all of `speeds`; empty if nothing did.
     """
 
     value: float
@@ -215,7 +216,7 @@ def fold_line(
     threshold, its amplitude vanishing.
     """
     fold = column.folds[0]
-    n = (fold.x.size - 3) // 3
+    n = mode_count(fold.x)
     at = p.replace(**{name: column.value, "v_p0": fold.parameter})
     steady = SteadySystem(at, n, ("v_p0", name))
     system, start = fold_system(steady, fold.x, fold.x_tangent, fold.parameter)

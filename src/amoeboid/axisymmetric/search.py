@@ -79,10 +79,10 @@ def steady_solutions(
 ) -> SteadySolutions:
     """All steady states at one parameter point, the homogeneous one first.
 
-    They are the bifurcations of v_p0 = p.v_p0 with the branches that bifurcate from the homogeneous
-    sphere in its modes l of `degrees` as v_p0 changes, mirror images left out. Each branch is
-    followed through its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states
-    without such a connection to the sphere are not found.
+    They lie where v_p0 = p.v_p0 on the branches that bifurcate from the homogeneous sphere in its
+    modes l of `degrees` as v_p0 changes, mirror images left out. Each branch is followed through
+    its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states without such a
+    connection to the sphere are not found.
     """
     found, problems = [homogeneous(p)], []
     without = _without_speed(p)
@@ -110,13 +110,13 @@ def stability_problems(p: Parameters) -> tuple[str, ...]:
     """What limits the counts of unstable modes at a parameter point."""
     if p.delta_P == 0:
         return (
-            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
+            "at delta_P = 0 short waves are weakly damped and the counts of unstable modes depend "
             "on the resolution; raise delta_P to trust them",
         )
     if highest_growing(p) == MAX_GROWING:
         return (
-            f"modes of the sphere up to l = {MAX_GROWING} grow, which is as far as they are "
-            "counted: the counts of unstable modes are lower bounds; raise D or beta",
+            f"modes of the sphere up to l = {MAX_GROWING}, the highest that is counted, grow: the "
+            "counts of unstable modes are lower bounds; raise D or beta",
         )
     return ()
 
@@ -186,7 +186,7 @@ def _states_of_mode(
 
 @dataclass
 class Rising:
-    """Whether a branch in v_p0 rises beyond a value and does not come back as far as is looked."""
+    """Whether a branch in v_p0 has risen so far beyond a value that it is followed no further."""
 
     value: float
     already: bool = False
@@ -203,7 +203,7 @@ class Rising:
 def states_on(
     p: Parameters, name: str, arc: Arc, value: float, options: Options
 ) -> list[SteadySolution]:
-    """The steady state on an arc of a branch in `name` at `value`, as a list of none or one.
+    """The steady state on an arc of a branch in `name` at `value`, a list of no or one entry.
 
     Raises Stalled if the arc passes the value but the state cannot be found.
     """

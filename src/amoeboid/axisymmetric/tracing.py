@@ -22,17 +22,17 @@ from amoeboid.numerics.continuation import Options, Point, Stalled
 from amoeboid.validation import InvalidInput
 
 MAX_EXCURSION = {"v_p0": 1.25}
-"""How far a branch that moves away is followed outside the window, as a factor; 2 for others."""
+"""How far outside the window a branch that moves away is followed, as a factor; others: 2."""
 
 
 @dataclass(frozen=True, eq=False)
 class BranchSolution:
-    """Branches in the parameter `name` inside a window: points, folds, bifurcations.
+    """One or several branches in the parameter `name` inside a window.
 
     `pieces` holds the stretches inside the window, each with its points and folds in order.
-    `origins` are the values at which the branch leaves or meets the homogeneous sphere.
-    `complete` says that it was followed to its ends or out of the window for good; `problems` says
-    what may be missing and why, and what else limits the answer.
+    `origins` are the values at which the branch leaves or meets the homogeneous sphere. `complete`
+    says that each branch was followed to its ends or until it left the window for good; `problems`
+    says what may be missing and why, and what else limits the answer.
     """
 
     name: str
@@ -220,9 +220,9 @@ def _pressure(p: Parameters) -> float:
 class _Left:
     """Whether a branch has left the window for good.
 
-    It moves away from it, by more than a factor, and from its start: upwards, or downwards in a
-    parameter other than v_p0 (in v_p0 every branch that goes down must turn, because without
-    polymerization there is the sphere alone).
+    The branch is outside by more than a factor and moves away from the window and from its start:
+    upwards, or downwards in a parameter other than v_p0 (in v_p0 every branch that goes down must
+    turn, because without polymerization there is the sphere alone).
     """
 
     name: str

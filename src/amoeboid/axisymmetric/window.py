@@ -1,4 +1,4 @@
-"""The values of a parameter that a branch is asked for."""
+"""The window of a parameter inside which a branch is listed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NOTHING = 1e-9
 
 @dataclass(frozen=True)
 class Window:
-    """The values low <= parameter <= high that are asked for."""
+    """The values low <= parameter <= high inside which a branch is listed."""
 
     low: float
     high: float

@@ -31,6 +31,9 @@ REGION_COLORS = ("#f2f2f2", "#8fc1d9", "#f3d38c", "#e3a79b", "#bbbbbb")
 MAX_LABELED = 4
 """Special points of one kind that get a line of the legend each."""
 
+MAX_OUTLINES = 8
+"""Outlines that are drawn side by side."""
+
 BESIDE = 2.6
 """Distance of two outlines side by side, in units of R0."""
 
@@ -50,7 +53,7 @@ def draw_outlines(states: SteadyStates, ax: Any = None) -> Any:
     axes = axes_for(ax)
     highest = _highest(states)
     image: Any = None
-    for k, state in enumerate(states):
+    for k, state in enumerate(states[:MAX_OUTLINES]):
         image = _outline(axes, state, highest, BESIDE * k)
         _, z = _meridian(state)
         top = float(np.max(np.abs(z)))
@@ -65,6 +68,9 @@ def draw_outlines(states: SteadyStates, ax: Any = None) -> Any:
         )
     if len(states):
         _scale_bar(axes, states[0], 0.0)
+        left_out = len(states) - MAX_OUTLINES
+        if left_out > 0:
+            axes.set_title(f"and {left_out} more states", loc="right", fontsize=8)
         axes.set_ylim(top=1.9 * _length(states[0], states.parameters.R0))
         _color_bar(axes, image, states.parameters)
     return axes
@@ -108,7 +114,7 @@ def write_states(states: SteadyStates, path: Path) -> None:
 
 def _number(state: SteadyState, name: str) -> float:
     """An observable as it is drawn: a number in the unit of its label."""
-    value = state.observables[name]
+    value = state.number(name)
     return float(magnitude(state.parameters, value, observed.dimension(name)))
 
 

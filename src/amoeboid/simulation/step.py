@@ -86,13 +86,13 @@ class Step:
             return self.rest.growth.problem
         if self.growth_not_seen:
             return (
-                f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
-                "shown; the mesh may be too coarse for it, or time.max_step too long for an "
+                f"a growth rate of {self.growth:.3g} per unit time is predicted, but no growth "
+                "appeared; the mesh may be too coarse for it, or time.max_step too long for an "
                 "oscillation"
             )
         if abs(self.growth) <= self.growth_error:
             return (
-                f"the growth rate of the fastest disturbance, {self.growth:.3g} per unit of time, "
+                f"the growth rate of the fastest perturbation, {self.growth:.3g} per unit time, "
                 f"is only known to {self.growth_error:.2g}"
             )
         return ""

@@ -136,7 +136,7 @@ class Branch:
                 f"the branch is one in {self.name!r}; {name} does not change along it and is "
                 f"branch.parameters.{name}"
             )
-        found = np.array([state.observables[name] for state in self.states])
+        found = np.array([state.number(name) for state in self.states])
         return quantity(self.parameters, found, observed.dimension(name))
 
     def __dir__(self) -> list[str]:

@@ -35,9 +35,9 @@ class Column:
         return [shown_number(value) for value in self.values]
 
 
-def percent(shares: Column) -> list[str]:
-    """Shares in percent as texts; 0 where they are rounding alone."""
-    return [f"{100 * (v if abs(v) > ROUNDING else 0.0):.6g} %" for v in shares.values]
+def percent(share: float) -> str:
+    """A share in percent; 0 where it is rounding alone."""
+    return f"{100 * (share if abs(share) > ROUNDING else 0.0):.6g} %"
 
 
 def shown_number(value: Any) -> str:
@@ -111,7 +111,7 @@ def _number(label: str, given: Any) -> float:
     except (TypeError, ValueError):
         raise InvalidInput(
             f"{label} must be a number in the units of the parameters, got {given!r}; for "
-            "quantities with units start from Parameters.physical"
+            "quantities with units start from Parameters.physical (--physical)"
         ) from None
     if not np.isfinite(value):
         raise InvalidInput(f"{label} must be a finite number, got {value!r}")

@@ -17,7 +17,7 @@ from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, g
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.display import html_picture, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
@@ -63,15 +63,20 @@ class SteadyState:
     def __getattr__(self, name: str) -> Any:
         if name.startswith("_") or name not in observed.names():
             raise AttributeError(f"a steady state has no attribute {name!r}")
-        return quantity(self.parameters, self.observables[name], observed.dimension(name))
+        return quantity(self.parameters, self.number(name), observed.dimension(name))
 
     def __dir__(self) -> list[str]:
         return sorted({*object.__dir__(self), *observed.names()})
 
+    def number(self, name: str) -> float:
+        """An observable as a plain number in the units of the solver."""
+        if name not in self._known_numbers:
+            self._known_numbers[name] = observed.observed(self.solution, name)
+        return self._known_numbers[name]
+
     @cached_property
-    def observables(self) -> dict[str, float]:
-        """All observables as plain numbers in the units of the solver."""
-        return {name: observed.observed(self.solution, name) for name in observed.names()}
+    def _known_numbers(self) -> dict[str, float]:
+        return {}
 
     @cached_property
     def unstable_modes(self) -> dict[int, int]:
@@ -128,7 +133,7 @@ class SteadyState:
             raise InvalidInput(
                 f"the mesh must be an icosphere or its number of subdivisions, got {mesh!r}"
             )
-        directions, faces = even_icosphere(subdivisions)
+        directions, faces = uniform_icosphere(subdivisions)
         r, c = on_directions(self.solution, directions)
         return InitialCell(r, faces, np.maximum(c, 0.0), self.solution.zeta0)
 
@@ -140,13 +145,13 @@ class SteadyState:
         """The observables of `SHOWN` as programs read them, in the units of `physical_units`."""
         p = self.parameters
         return {
-            name: physical_number(p, self.observables[name], str(observed.dimension(name)))
+            name: physical_number(p, self.number(name), str(observed.dimension(name)))
             for name in SHOWN
         }
 
     def text(self, name: str) -> str:
         """An observable with its unit, if the cell has physical ones."""
-        return text(self.parameters, self.observables[name], observed.dimension(name))
+        return text(self.parameters, self.number(name), observed.dimension(name))
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name} = {self.text(name)}" for name in SHOWN[:3])
@@ -250,7 +255,7 @@ def states_rows(states: Sequence[SteadyState]) -> tuple[list[str], list[list[str
     """Titles and cells of the table of states that commands print."""
     p = states[0].parameters
     columns = [
-        column(p, [state.observables[name] for state in states], observed.dimension(name))
+        column(p, [state.number(name) for state in states], observed.dimension(name))
         for name in SHOWN
     ]
     titles = [
@@ -261,7 +266,7 @@ def states_rows(states: Sequence[SteadyState]) -> tuple[list[str], list[list[str
         "stable" if state.stable else " ".join(map(str, state.unstable_modes.values()))
         for state in states
     ]
-    texts = [c.texts if c.unit else percent(c) for c in columns]
+    texts = [c.texts if c.unit else [percent(v) for v in c.values] for c in columns]
     cells = zip(*texts, unstable, strict=True)
     return [*titles, UNSTABLE], [list(row) for row in cells]
 
@@ -278,7 +283,7 @@ def physical_units(p: Parameters, names: Sequence[str], *parameters: str) -> dic
 def states_columns(p: Parameters, states: Sequence[SteadyState]) -> dict[str, Column]:
     """All observables of states, whether they are stable and how many of their modes grow."""
     found = {
-        name: column(p, [s.observables[name] for s in states], observed.dimension(name))
+        name: column(p, [s.number(name) for s in states], observed.dimension(name))
         for name in observed.names()
     }
     found["stable"] = column(p, np.array([s.stable for s in states], dtype=bool))

@@ -14,7 +14,7 @@ from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined
 from amoeboid.meshes.connectivity import connectivity, narrow_numbering
 from amoeboid.meshes.files import surface_file
 from amoeboid.meshes.geometry import area, volume_centroid
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse import SingularMatrix
@@ -83,7 +83,7 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     defined at c0.
     """
     _check_law(p)
-    r, faces = even_icosphere(subdivisions)
+    r, faces = uniform_icosphere(subdivisions)
     model = Model(p, connectivity(faces))
     r = r * np.sqrt(model.A0 / area(r, faces))
     state = State(0.0, r, np.full(len(r), p.c0), float(base_tension(p)), np.zeros(3))

@@ -146,7 +146,7 @@ def _middle(level, queue, size):  # type: ignore[no-untyped-def]
 
 @nested
 def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: ignore[no-untyped-def]
-    """Move nodes of the separator to a side where that makes it smaller or the halves more even."""
+    """Move nodes of the separator to a side if this shortens it or balances the halves better."""
     sizes = np.zeros(3, np.int64)
     for k in range(size):
         sizes[side[queue[k]]] += 1
@@ -169,8 +169,10 @@ def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: igno
                 to = LEFT if sizes[LEFT] < sizes[RIGHT] else RIGHT
             other = 1 - to
             lost = touched[other]
-            even = lost == 1 and sizes[to] + 1 < sizes[other]
-            if not (lost == 0 or even) or sizes[other] - lost < max(1, min(least, sizes[other])):
+            balanced = lost == 1 and sizes[to] + 1 < sizes[other]
+            if not (lost == 0 or balanced) or sizes[other] - lost < max(
+                1, min(least, sizes[other])
+            ):
                 continue
             side[v] = to
             sizes[to] += 1
