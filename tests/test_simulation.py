@@ -21,7 +21,7 @@ from amoeboid.surface.stability import Growth, leading_growth_rate
 from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, SLOW_ROTATION
 from amoeboid.surface.stepping import (
     difference,
-    foreseen,
+    extrapolation,
     local_error,
     semi_implicit_step,
     starting_step,
@@ -140,14 +140,14 @@ def test_local_error_is_that_of_the_backward_difference(degree):
         history = [at(t, t**degree, *push) for t in times]
         new = at(new_t, found, *push)
         scale = 1.0 if push == (1, 0) else model.parameters.c0 + new.c[5]
-        expected = foreseen(history, new.t)
+        expected = extrapolation(history, new.t)
         estimate = local_error(model, expected, (new.r, new.c), flow.normals)
         assert estimate == pytest.approx(1e-2 * error / scale, rel=1e-6)
     # nodes that slide within the surface make no error
     slide = np.cross(flow.normals, [0.3, -0.5, 0.8])
     history = [at(t, 0.0, 0, 0) for t in times]
     slid = replace(rest, t=new_t, r=rest.r + slide)
-    expected = foreseen(history, new_t)
+    expected = extrapolation(history, new_t)
     assert local_error(model, expected, (slid.r, slid.c), flow.normals) < 1e-12
 
 
@@ -215,7 +215,7 @@ def test_step_lengths_follow_from_the_error():
         assert step.next_dt <= 2.0 * step.dt * (1 + 1e-12)
         if step.rejected == before.rejected:
             new = step.state
-            expected = foreseen(before.history, new.t)
+            expected = extrapolation(before.history, new.t)
             error = local_error(step.model, expected, (new.r, new.c), step.flow.normals)
             wanted = simulation.SAFETY * (config.time.tolerance / error) ** (1 / 3) * step.dt
             assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
@@ -231,7 +231,7 @@ def test_step_lengths_follow_from_the_error_of_a_short_past():
     _, _, of_start = starting_step(model, first.state, dt, first.flow, tolerance)
     second = next(evolve(replace(begun, next_dt=dt), Time(max_step=10.0, tolerance=10 * tolerance)))
     new = second.state
-    expected = foreseen(begun.history, new.t)
+    expected = extrapolation(begun.history, new.t)
     of_second = local_error(model, expected, (new.r, new.c), second.flow.normals)
     for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
         assert step.dt == pytest.approx(dt)

@@ -15,7 +15,7 @@ def stayed(state, subdivisions, end):
     """Observables of a 3D run from the state, at its start and at `end`."""
     first = start(Config(parameters=state.parameters), state.as_initial(subdivisions))
     *_, last = evolve(first, Time(end=end))
-    return [observed(step.model, step.state, step.flow) for step in (first, last)]
+    return [observed(step.cell) for step in (first, last)]
 
 
 def test_a_state_on_a_mesh_has_its_shape_and_concentration():

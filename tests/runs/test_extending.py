@@ -43,6 +43,18 @@ def test_an_observable_of_a_script_is_seen_in_every_solver(registered, tmp_path)
     assert list(states.to_pandas()["rms_c"]) == [state.rms_c for state in states]
 
 
+def test_an_observable_of_a_script_is_in_tables_and_json_of_steady(registered, capsys):
+    registered["half_rear"] = am.Observable(lambda cell: 0.5 * cell.maximum(cell.c), "N/L^2")
+    words = ["steady", "--set", "D=0.4", "--set", "v_p0=3", "--observe", "half_rear"]
+    assert main([*words, "--json"]) == 0
+    (state,) = json.loads(capsys.readouterr().out)["states"]
+    assert state["half_rear"] == 0.5 * state["c_rear"] == 1.5
+    assert main(words) == 0
+    assert "half_rear" in capsys.readouterr().out
+    assert main([*words, "--observe", "mesh_quality"]) == 2
+    assert "'mesh_quality' is no observable of an axisymmetric" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 def test_an_observable_of_a_script_is_a_column_of_a_branch(registered):
     registered["double_speed"] = am.Observable(

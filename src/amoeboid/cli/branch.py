@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,8 +12,10 @@ from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
+    add_observables,
     add_parameters,
     number_or_quantity,
+    observables_shown,
     only_parameters,
     print_json,
     real,
@@ -32,6 +35,7 @@ INCOMPLETE = 1
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `branch`."""
     add_parameters(parser)
+    add_observables(parser)
     parser.add_argument("--vary", default="v_p0", metavar="NAME", help="the parameter (v_p0)")
     parser.add_argument(
         "--from",
@@ -72,7 +76,7 @@ def execute(args: argparse.Namespace) -> int:
     """Follow, print, draw."""
     from amoeboid.studies.branch import branch, checked_window
 
-    p = only_parameters(args)
+    p, names = only_parameters(args), observables_shown(args)
     checked_window(p, args.vary, args.start, args.end, ("--vary", "--from", "--to"))
     if not (math.isfinite(args.max_step) and args.max_step > 0):
         raise InvalidInput(f"--max-step must be > 0 and finite, got {args.max_step:g}")
@@ -95,10 +99,10 @@ def execute(args: argparse.Namespace) -> int:
         advice = "end the window earlier, or smooth the states by a larger D or delta_P"
         tell("branch", f"incomplete; one can {advice}")
     if args.json:
-        print_json(_document(found))
+        print_json(_document(found, names))
     else:
         say_parameters(p)
-        _print_branch(found)
+        _print_branch(found, names)
     code = 0 if found.complete else INCOMPLETE
     if args.plot is None:
         return code
@@ -108,23 +112,25 @@ def execute(args: argparse.Namespace) -> int:
     return code if succeeded else NO_PICTURE
 
 
-def _row(found: Branch, state: SteadyState, neutral: int | None = None) -> dict[str, Any]:
+def _row(
+    found: Branch, state: SteadyState, names: Sequence[str], neutral: int | None = None
+) -> dict[str, Any]:
     """The entry of a state; where a mode m = `neutral` has the rate 0, stability is no question."""
     counts = state.unstable_modes.items()
     return {
         found.name: found.plain(getattr(state.parameters, found.name)),
-        **state.plain(),
+        **state.plain(names),
         "stable": state.stable if neutral is None else None,
         "unstable_modes": {str(m): None if m == neutral else count for m, count in counts},
     }
 
 
-def _document(found: Branch) -> dict[str, Any]:
+def _document(found: Branch, names: Sequence[str]) -> dict[str, Any]:
     from amoeboid.studies.branch import HOPF
-    from amoeboid.studies.states import SHOWN, physical_units
+    from amoeboid.studies.states import physical_units
 
     def special(points: list[SpecialPoint]) -> list[dict[str, Any]]:
-        return [{**_row(found, point.state, point.m), "m": point.m} for point in points]
+        return [{**_row(found, point.state, names, point.m), "m": point.m} for point in points]
 
     origins = [{found.name: found.plain(value), "m": 0} for value in found.origins]
     hopf = [point for point in found.bifurcations if point.kind == HOPF]
@@ -132,21 +138,21 @@ def _document(found: Branch) -> dict[str, Any]:
     document = {
         "vary": found.name,
         "points": [
-            {**_row(found, state), "piece": int(k)}
+            {**_row(found, state, names), "piece": int(k)}
             for k, state in zip(found.piece, found.states, strict=True)
         ],
-        "folds": [_row(found, fold.state, 0) for fold in found.folds],
+        "folds": [_row(found, fold.state, names, 0) for fold in found.folds],
         "branch_points": origins + special(others),
         "hopf_points": special(hopf),
         "complete": found.complete,
         "problems": list(found.problems),
         "message": "; ".join(found.problems),
     }
-    units = physical_units(found.parameters, SHOWN, found.name)
+    units = physical_units(found.parameters, names, found.name)
     return document | ({"units": units} if units else {})
 
 
-def _print_branch(found: Branch) -> None:
+def _print_branch(found: Branch, names: Sequence[str]) -> None:
     from amoeboid.model.parameters import DIMENSIONS
     from amoeboid.studies.columns import text, titled, unit
     from amoeboid.studies.states import states_rows
@@ -154,7 +160,7 @@ def _print_branch(found: Branch) -> None:
     p, name, dimension = found.parameters, found.name, DIMENSIONS[found.name]
     first = titled(name, "" if p.units is None else unit(p, dimension))
     for piece in found.pieces:
-        titles, rows = states_rows(piece)
+        titles, rows = states_rows(piece, names)
         values = [f"{found.plain(getattr(s.parameters, name)):.6g}" for s in piece]
         rows = [[value, *row] for value, row in zip(values, rows, strict=True)]
         say(*table([first, *titles], rows, limit=width()), "")

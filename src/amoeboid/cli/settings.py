@@ -69,6 +69,25 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def add_observables(parser: argparse.ArgumentParser) -> None:
+    """Add `--observe NAME` (repeatable)."""
+    parser.add_argument(
+        "--observe",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="also show this observable (polarity, reduced_volume, or your own); repeatable",
+    )
+
+
+def observables_shown(args: argparse.Namespace) -> tuple[str, ...]:
+    """The observables that tables show, those of `--observe` last. Raises InvalidInput."""
+    from amoeboid.studies import observed
+    from amoeboid.studies.states import SHOWN
+
+    return tuple(dict.fromkeys((*SHOWN, *observed.checked(args.observe))))
+
+
 def only_parameters(args: argparse.Namespace) -> Parameters:
     """The parameters that `--set` gives, starting from the paper's parameter table.
 

@@ -3,13 +3,21 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_parameters, only_parameters, print_json, say_parameters
+from amoeboid.cli.settings import (
+    add_observables,
+    add_parameters,
+    observables_shown,
+    only_parameters,
+    print_json,
+    say_parameters,
+)
 from amoeboid.cli.tables import table, width
 
 if TYPE_CHECKING:
@@ -19,6 +27,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `steady`."""
     add_parameters(parser)
+    add_observables(parser)
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the states (.png .pdf .svg)"
     )
@@ -34,7 +43,7 @@ def execute(args: argparse.Namespace) -> int:
     """Search, print, draw."""
     from amoeboid.studies.states import states_rows, steady_states
 
-    p = only_parameters(args)
+    p, names = only_parameters(args), observables_shown(args)
     check_picture(args.plot)
     with shown() as watch:
         found = steady_states(p, watch=watch)
@@ -44,10 +53,10 @@ def execute(args: argparse.Namespace) -> int:
         advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
         tell("steady", f"states may be missing; {advice}")
     if args.json:
-        print_json(_document(found))
+        print_json(_document(found, names))
     else:
         say_parameters(p)
-        titles, rows = states_rows(found.states)
+        titles, rows = states_rows(found.states, names)
         say(*table(titles, rows, limit=width()))
     if args.plot is None:
         return 0
@@ -57,21 +66,21 @@ def execute(args: argparse.Namespace) -> int:
     return 0 if succeeded else NO_PICTURE
 
 
-def _document(found: SteadyStates) -> dict[str, Any]:
-    from amoeboid.studies.states import SHOWN, physical_units
+def _document(found: SteadyStates, names: Sequence[str]) -> dict[str, Any]:
+    from amoeboid.studies.states import physical_units
 
     document: dict[str, Any] = {
-        "states": [_row(state) for state in found],
+        "states": [_row(state, names) for state in found],
         "complete": found.complete,
         "problems": list(found.problems),
     }
-    units = physical_units(found.parameters, SHOWN)
+    units = physical_units(found.parameters, names)
     return document | ({"units": units} if units else {})
 
 
-def _row(state: SteadyState) -> dict[str, Any]:
+def _row(state: SteadyState, names: Sequence[str]) -> dict[str, Any]:
     return {
-        **state.plain(),
+        **state.plain(names),
         "stable": state.stable,
         "unstable_modes": {str(m): count for m, count in state.unstable_modes.items()},
         "modes": state.solution.n,

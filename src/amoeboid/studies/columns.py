@@ -118,11 +118,11 @@ def _number(label: str, given: Any) -> float:
     return value
 
 
-def physical_number(p: Parameters, value: float, dimension: str) -> float:
+def physical_number(p: Parameters, value: float, dimension: str | None) -> float:
     """A number as programs read it: in the unit of `unit`, or as it is without physical units."""
     if p.units is None or dimension in NO_DIMENSION:
         return float(value)
-    return in_unit(value, dimension, p.units, customary_unit(dimension))
+    return in_unit(value, str(dimension), p.units, customary_unit(str(dimension)))
 
 
 def frame(columns: Mapping[str, Column], index: str = "") -> Any:

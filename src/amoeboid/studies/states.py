@@ -141,12 +141,11 @@ class SteadyState:
         """Draw the outline, colored by c, front up. Takes and returns axes."""
         return plotted(self, "branches.draw_state", ax)
 
-    def plain(self) -> dict[str, float]:
-        """The observables of `SHOWN` as programs read them, in the units of `physical_units`."""
+    def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
+        """Observables as programs read them, in the units of `physical_units`."""
         p = self.parameters
         return {
-            name: physical_number(p, self.number(name), str(observed.dimension(name)))
-            for name in SHOWN
+            name: physical_number(p, self.number(name), observed.dimension(name)) for name in names
         }
 
     def text(self, name: str) -> str:
@@ -251,16 +250,18 @@ def states_table(
     return text_table(titles, rows)
 
 
-def states_rows(states: Sequence[SteadyState]) -> tuple[list[str], list[list[str]]]:
-    """Titles and cells of the table of states that commands print."""
+def states_rows(
+    states: Sequence[SteadyState], names: Sequence[str] = SHOWN
+) -> tuple[list[str], list[list[str]]]:
+    """Titles and cells of the table of states that commands print, with these observables."""
     p = states[0].parameters
     columns = [
         column(p, [state.number(name) for state in states], observed.dimension(name))
-        for name in SHOWN
+        for name in names
     ]
     titles = [
         titled(name, "" if p.units is None else c.unit)
-        for name, c in zip(SHOWN, columns, strict=True)
+        for name, c in zip(names, columns, strict=True)
     ]
     unstable = [
         "stable" if state.stable else " ".join(map(str, state.unstable_modes.values()))
