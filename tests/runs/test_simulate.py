@@ -179,7 +179,8 @@ def test_a_run_starts_as_another_cell(solution):
     # scaled to the area of the membrane, from which it is off by the error of the run
     np.testing.assert_allclose(again.frames[0].r, solution.final.r, atol=1e-6)
     np.testing.assert_array_equal(again.frames[0].c, solution.final.c)
-    noisy = am.simulate(P, mesh=SMALL, initial=Initial(noise=0.1), until=am.time(0.1))
+    initial = Initial(perturbation=0.0, noise=0.1)
+    noisy = am.simulate(P, mesh=SMALL, initial=initial, until=am.time(0.1))
     assert np.std(noisy.frames[0].c - 3.0) > 0.05
 
 
