@@ -14,6 +14,7 @@ and is from then on a column of the time series of 3D runs and an attribute of e
 
 from __future__ import annotations
 
+from collections import UserDict
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
@@ -145,7 +146,7 @@ class Observable:
         return np.array(found) if self.vector else found[0]
 
 
-class Observables(dict[str, Observable]):
+class Observables(UserDict[str, Observable]):
     """The observables by name; a function that is put in is made an `Observable`."""
 
     def __setitem__(self, name: str, value: Observable | Callable[[Any], Any]) -> None:
