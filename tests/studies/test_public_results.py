@@ -201,13 +201,18 @@ def test_plots_draw_on_given_axes_and_return_them(results):
             assert axes.has_data()
 
 
-def test_a_branch_is_drawn_dashed_where_it_is_unstable(branch):
+@pytest.mark.parametrize("growing", [0, 1])
+def test_a_branch_is_drawn_dashed_where_it_is_unstable(branch, growing):
+    """At the fold itself a mode is neutral, and rounding decides in which way it counts."""
+    branch = pickle.loads(pickle.dumps(branch))  # noqa: S301
+    branch.folds[0].state.unstable_modes[0] = growing
     axes = branch.plot(ax=Figure().add_subplot(), observable="c_rear")
     curves = {
         line.get_linestyle(): line.get_xydata() for line in axes.lines if len(line.get_xdata()) > 2
     }
     assert set(curves) == {"-", "--"}
     assert curves["-"][-1, 0] == 6.5
+    assert len(curves["-"]) + len(curves["--"]) == len(branch) + 2  # the fold is on both
     assert curves["--"][-1, 0] == pytest.approx(branch.folds[0].value)
     assert curves["--"][-1, 1] == pytest.approx(branch.folds[0].state.c_rear)
     with pytest.raises(am.InvalidInput, match="observable must be one of"):

@@ -118,7 +118,7 @@ def _row(
     """The entry of a state; where a mode m = `neutral` has the rate 0, stability is no question."""
     counts = state.unstable_modes.items()
     return {
-        found.name: found.plain(getattr(state.parameters, found.name)),
+        found.name: found.plain(state.parameters.value(found.name)),
         **state.plain(names),
         "stable": state.stable if neutral is None else None,
         "unstable_modes": {str(m): None if m == neutral else count for m, count in counts},
@@ -153,15 +153,15 @@ def _document(found: Branch, names: Sequence[str]) -> dict[str, Any]:
 
 
 def _print_branch(found: Branch, names: Sequence[str]) -> None:
-    from amoeboid.model.parameters import DIMENSIONS
     from amoeboid.studies.columns import text, titled, unit
     from amoeboid.studies.states import states_rows
 
-    p, name, dimension = found.parameters, found.name, DIMENSIONS[found.name]
+    p, name = found.parameters, found.name
+    dimension = p.dimension(name)
     first = titled(name, "" if p.units is None else unit(p, dimension))
     for piece in found.pieces:
         titles, rows = states_rows(piece, names)
-        values = [f"{found.plain(getattr(s.parameters, name)):.6g}" for s in piece]
+        values = [f"{found.plain(s.parameters.value(name)):.6g}" for s in piece]
         rows = [[value, *row] for value, row in zip(values, rows, strict=True)]
         say(*table([first, *titles], rows, limit=width()), "")
     if len(found.pieces) > 1:

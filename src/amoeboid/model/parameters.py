@@ -122,6 +122,20 @@ class Parameters:
         return self.law.derivatives(c, self.v_p0, self.c_r, order)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all numbers."""
+        return tuple(DIMENSIONS)
+
+    def value(self, name: str) -> float:
+        """The number of a name. Raises InvalidInput for a name that is not among `names`."""
+        refuse_unknown([name], self.names, "parameter")
+        return float(getattr(self, name))
+
+    def dimension(self, name: str) -> str | None:
+        """Dimension of a number such as "L^2/T"; None for one that has none."""
+        return DIMENSIONS.get(name)
+
+    @property
     def rate(self) -> float:
         """The fastest of turnover, diffusion over R0 and treadmilling over R0 [1/T].
 
@@ -166,41 +180,38 @@ class Parameters:
         return ", ".join([*named, f"all else as in {kept}"])
 
     def __repr__(self) -> str:
-        if self.units is None:
-            values = {name: getattr(self, name) for name in self._telling() if name != "law"}
-            law = {} if self.law == Parameters().law else {"law": self.law.name}
-            parts = (f"{name}={value!r}" for name, value in (values | law).items())
-            return f"Parameters({', '.join(parts)})"
-        parts = (f"{name}={text!r}" for name, text in self._telling().items())
-        return f"Parameters.physical({', '.join(parts)})"
+        if self.units is not None:
+            parts = (f"{name}={text!r}" for name, text in self._telling().items())
+            return f"Parameters.physical({', '.join(parts)})"
+        values = self.as_dict()
+        parts = (f"{name}={values[name]!r}" for name in self._telling())
+        return f"Parameters({', '.join(parts)})"
 
     def _repr_html_(self) -> str:
-        rows = [
-            (f.name, f"{getattr(self, f.name):.6g}", f.metadata["unit"], f.metadata["doc"])
-            if self.units is None
-            else (
-                f.name,
-                f"{self.quantity(getattr(self, f.name), f.metadata['unit']).magnitude:.6g}",
-                customary_unit(f.metadata["unit"]),
-                f.metadata["doc"],
-            )
-            for f in fields(self)
-            if "kind" in f.metadata
-        ]
-        rows.append(("law", self.law.name, "", "polymerization law v_p(c)"))
+        meanings = {f.name: f.metadata.get("doc", "") for f in fields(self)}
+        rows = []
+        for name, value in self.as_dict().items():
+            dimension = self.dimension(name)
+            number, unit = value, dimension or ""
+            if dimension and self.units is not None:
+                number, unit = self.quantity(value, dimension).magnitude, customary_unit(dimension)
+            meaning = meanings.get(name) or "constitutive relation of the cortex"
+            rows.append((name, shown(number), unit, meaning))
         return html_table("Parameters", rows, ("name", "value", "unit", "meaning"))
 
     def _telling(self) -> dict[str, str]:
         """D, v_p0 and what differs from the paper's values, as texts."""
-        usual = Parameters() if self.units is None else Parameters.physical()
-        found = {}
-        for name, dimension in DIMENSIONS.items():
-            texts = [shown(p.quantity(getattr(p, name), dimension)) for p in (self, usual)]
-            if name in ("D", "v_p0") or texts[0] != texts[1]:
-                found[name] = texts[0]
-        if self.law != usual.law:
-            found["law"] = self.law.name
-        return found
+        usual = (Parameters() if self.units is None else Parameters.physical())._texts()
+        own = self._texts()
+        return {
+            name: text
+            for name, text in own.items()
+            if name in ("D", "v_p0") or text != usual.get(name)
+        }
+
+    def _texts(self) -> dict[str, str]:
+        """All parameters as results show them."""
+        return {name: shown(value) for name, value in self.quantities().items()}
 
 
 PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.axisymmetric.phase_diagram import REGIONS
-from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.figures import (
     COLOR_MAP,
     axes_for,
@@ -190,7 +190,8 @@ def _profile(axes: Any, beside: Any, state: SteadyState) -> None:
 def draw_branch(branch: Branch, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
     """An observable along the branch, solid where stable, with its special points."""
     axes = axes_for(ax)
-    p, dimension = branch.parameters, DIMENSIONS[branch.name]
+    p = branch.parameters
+    dimension = p.dimension(branch.name)
     for states, stable in _pieces(branch):
         axes.plot(
             [_value(branch, state) for state in states],
@@ -217,8 +218,11 @@ def write_branch(branch: Branch, path: Path) -> None:
 
 
 def _value(branch: Branch, state: SteadyState) -> float:
-    number = getattr(state.parameters, branch.name)
-    return float(magnitude(branch.parameters, number, DIMENSIONS[branch.name]))
+    number, dimension = (
+        state.parameters.value(branch.name),
+        branch.parameters.dimension(branch.name),
+    )
+    return float(magnitude(branch.parameters, number, dimension))
 
 
 def _pieces(branch: Branch) -> list[tuple[list[SteadyState], bool]]:
@@ -241,7 +245,8 @@ def _pieces(branch: Branch) -> list[tuple[list[SteadyState], bool]]:
 
 
 def _markers(axes: Any, branch: Branch, observable: str) -> None:
-    p, dimension = branch.parameters, DIMENSIONS[branch.name]
+    p = branch.parameters
+    dimension = p.dimension(branch.name)
     if observable == "max_retrograde_speed":
         for k, origin in enumerate(branch.origins):
             label = f"threshold {text(p, origin, dimension, '.5g')}"
@@ -276,7 +281,7 @@ def draw_phase_diagram(diagram: PhaseDiagram, ax: Any = None) -> Any:
 
     axes = axes_for(ax)
     p, name, found = diagram.parameters, diagram.name, diagram.solution
-    dimension = DIMENSIONS[name]
+    dimension = p.dimension(name)
 
     def curve(pairs: Any) -> tuple[Any, Any]:
         table = np.array(pairs, dtype=float).reshape(-1, 2)

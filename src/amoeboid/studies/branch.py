@@ -17,7 +17,7 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.tracing import BranchSolution
 from amoeboid.display import html_picture, plotted
-from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
@@ -59,15 +59,19 @@ class SpecialPoint:
     @property
     def number(self) -> float:
         """The value of the parameter in the units of the solver."""
-        return float(getattr(self.state.parameters, self.name))
+        return self.state.parameters.value(self.name)
 
     @property
     def value(self) -> Any:
         """The value of the parameter, with its unit if the cell has physical ones."""
-        return quantity(self.state.parameters, self.number, DIMENSIONS[self.name])
+        return quantity(
+            self.state.parameters, self.number, self.state.parameters.dimension(self.name)
+        )
 
     def __repr__(self) -> str:
-        at = text(self.state.parameters, self.number, DIMENSIONS[self.name], "#.9g")
+        at = text(
+            self.state.parameters, self.number, self.state.parameters.dimension(self.name), "#.9g"
+        )
         mode = "" if self.kind == FOLD else f" of m = {self.m}"
         return f"{self.kind}{mode} at {self.name} = {at}"
 
@@ -109,17 +113,19 @@ class Branch:
     @property
     def numbers(self) -> Array:
         """The values of the parameter (points,) in the units of the solver."""
-        return np.array([getattr(state.parameters, self.name) for state in self.states])
+        return np.array([state.parameters.value(self.name) for state in self.states])
 
     @property
     def values(self) -> Any:
         """The values of the parameter (points,)."""
-        return quantity(self.parameters, self.numbers, DIMENSIONS[self.name])
+        return quantity(self.parameters, self.numbers, self.parameters.dimension(self.name))
 
     @property
     def thresholds(self) -> Any:
         """Values of the parameter at which the branch leaves or meets the sphere, an array."""
-        return quantity(self.parameters, np.array(self.origins), DIMENSIONS[self.name])
+        return quantity(
+            self.parameters, np.array(self.origins), self.parameters.dimension(self.name)
+        )
 
     @property
     def stable(self) -> Array:
@@ -127,11 +133,11 @@ class Branch:
         return np.array([state.stable for state in self.states], dtype=bool)
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in (*DIMENSIONS, *observed.names()):
+        if name.startswith("_") or name not in (*self.parameters.names, *observed.names()):
             raise AttributeError(f"a branch has no attribute {name!r}")
         if name == self.name:
             return self.values
-        if name in DIMENSIONS:
+        if name in self.parameters.names:
             raise AttributeError(
                 f"the branch is one in {self.name!r}; {name} does not change along it and is "
                 f"branch.parameters.{name}"
@@ -148,7 +154,7 @@ class Branch:
     @property
     def columns(self) -> dict[str, Column]:
         """The parameter, the observables and the stability along the branch."""
-        along = column(self.parameters, self.numbers, DIMENSIONS[self.name])
+        along = column(self.parameters, self.numbers, self.parameters.dimension(self.name))
         piece = column(self.parameters, self.piece)
         found = states_columns(self.parameters, self.states)
         return {self.name: along, **found, "piece": piece}
@@ -181,10 +187,10 @@ class Branch:
 
     def plain(self, number: float) -> float:
         """A value of the parameter as programs read it, in its customary unit if it has one."""
-        return physical_number(self.parameters, number, DIMENSIONS[self.name])
+        return physical_number(self.parameters, number, self.parameters.dimension(self.name))
 
     def _at(self, number: float) -> str:
-        return text(self.parameters, number, DIMENSIONS[self.name], "#.6g")
+        return text(self.parameters, number, self.parameters.dimension(self.name), "#.6g")
 
     def _events(self) -> list[str]:
         found = []
@@ -208,7 +214,7 @@ class Branch:
     def __repr__(self) -> str:
         lines = [self._heading]
         for piece in self.pieces[:MAX_LISTED]:
-            ends = (self._at(getattr(s.parameters, self.name)) for s in (piece[0], piece[-1]))
+            ends = (self._at(s.parameters.value(self.name)) for s in (piece[0], piece[-1]))
             stable = sum(state.stable for state in piece)
             lines.append(
                 f"{len(piece)} states from {self.name} = {' to '.join(ends)}, {stable} of them "
@@ -270,7 +276,7 @@ def branch(
     )
     found = polarized_branch(p, name, first, last, options, watch)
     if found is None:
-        low, high = (text(p, v, DIMENSIONS[name]) for v in sorted((first, last)))
+        low, high = (text(p, v, p.dimension(name)) for v in sorted((first, last)))
         raise InvalidInput(
             f"no polarized state found for {name} between {low} and {high}; "
             "set v_p0 above its threshold (see amoeboid steady)"
@@ -288,19 +294,19 @@ def checked_window(
     labels: tuple[str, str, str] = ("name", "start", "end"),
 ) -> tuple[float, float]:
     """The two ends of a window of the parameter `name`, in the units of p. Raises InvalidInput."""
-    if name not in DIMENSIONS:
-        raise InvalidInput(f"{labels[0]} must be one of {', '.join(DIMENSIONS)}, got {name!r}")
+    if name not in p.names:
+        raise InvalidInput(f"{labels[0]} must be one of {', '.join(p.names)}, got {name!r}")
     if end is None:
         raise InvalidInput(
             f"{labels[2]} must be given: the value of {name} to follow the branch to"
         )
     if start is None:
-        first = 0.0 if name == "v_p0" else float(getattr(p, name))
+        first = 0.0 if name == "v_p0" else p.value(name)
     else:
         first = value_of(p, name, start, labels[1])
     last = value_of(p, name, end, labels[2])
     if first == last:
-        both = text(p, first, DIMENSIONS[name])
+        both = text(p, first, p.dimension(name))
         raise InvalidInput(f"{labels[1]} and {labels[2]} must differ, both are {both}")
     return first, last
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_table
-from amoeboid.model.parameters import DIMENSIONS, EXAMPLES, Parameters
+from amoeboid.model.parameters import EXAMPLES, Parameters
 from amoeboid.model.units import customary_unit, in_unit, measured
 from amoeboid.validation import InvalidInput
 
@@ -85,7 +85,7 @@ def with_units(p: Parameters, problems: Sequence[str], *names: str) -> tuple[str
     """Problems that a solver tells, in its own numbers, with the units of these."""
     if p.units is None or not problems:
         return tuple(problems)
-    units = ", ".join(f"{name} in units of {text(p, 1.0, DIMENSIONS[name])}" for name in names)
+    units = ", ".join(f"{name} in units of {text(p, 1.0, p.dimension(name))}" for name in names)
     return (*problems, f"numbers in these messages are those of the solver: {units}")
 
 
@@ -95,12 +95,13 @@ def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:
     Given as a number, or where p has physical units as a quantity such as "2 um/s"; 0 needs no
     unit. Raises InvalidInput, also for a value that the parameter cannot have.
     """
-    shown = label or name
-    if p.units is None or (not isinstance(given, str) and np.isscalar(given) and given == 0):
+    shown, dimension = label or name, p.dimension(name)
+    zero = not isinstance(given, str) and np.isscalar(given) and given == 0
+    if p.units is None or dimension is None or dimension in NO_DIMENSION or zero:
         value = _number(shown, given)
     else:
-        dimension = DIMENSIONS[name]
-        value = measured(shown, given, dimension, EXAMPLES[dimension]) / p.units.of(dimension)
+        example = EXAMPLES.get(dimension, f"1 {customary_unit(dimension)}")
+        value = measured(shown, given, dimension, example) / p.units.of(dimension)
     p.replace(**{name: value})
     return value
 
@@ -120,7 +121,7 @@ def _number(label: str, given: Any) -> float:
 
 def physical_number(p: Parameters, value: float, dimension: str | None) -> float:
     """A number as programs read it: in the unit of `unit`, or as it is without physical units."""
-    if p.units is None or dimension in NO_DIMENSION:
+    if p.units is None or dimension is None or dimension in NO_DIMENSION:
         return float(value)
     return in_unit(value, str(dimension), p.units, customary_unit(str(dimension)))
 

@@ -19,7 +19,7 @@ from amoeboid.axisymmetric.phase_diagram import (
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.display import html_picture, html_table, plotted
-from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.studies.columns import (
     magnitude,
     needed,
@@ -34,7 +34,6 @@ from amoeboid.studies.columns import (
 )
 from amoeboid.validation import InvalidInput
 
-VARIABLE = tuple(name for name in DIMENSIONS if name != "v_p0")
 MAX_GRID = 500
 D_WINDOW, SPEED_WINDOW = (0.03, 0.6), (3.0, 8.0)
 """The window in D and v_p0 for the paper's table, in units of its beta R0^2 and of beta R0."""
@@ -109,7 +108,7 @@ class PhaseDiagram:
         """An xarray.Dataset over (v_p0, name): regions, their names and the retrograde speed."""
         xarray, p, name = needed("xarray"), self.parameters, self.name
         axes = ("v_p0", name)
-        values = magnitude(p, self.solution.values, DIMENSIONS[name])
+        values = magnitude(p, self.solution.values, p.dimension(name))
         speeds = magnitude(p, self.solution.speeds, SPEED)
         flow = magnitude(p, self.solution.flow, SPEED)
         return xarray.Dataset(
@@ -120,7 +119,7 @@ class PhaseDiagram:
             },
             {
                 "v_p0": ("v_p0", speeds, {"units": unit(p, SPEED)}),
-                name: (name, values, {"units": unit(p, DIMENSIONS[name])}),
+                name: (name, values, {"units": unit(p, p.dimension(name))}),
             },
             attrs={"complete": int(self.complete), "problems": list(self.problems)},
         )
@@ -136,16 +135,18 @@ class PhaseDiagram:
 
     def plain(self, name: str, value: float) -> float:
         """A value of v_p0 or of the parameter as programs read it, in the unit of `units`."""
-        return physical_number(self.parameters, value, DIMENSIONS[name])
+        return physical_number(self.parameters, value, self.parameters.dimension(name))
 
     @property
     def units(self) -> dict[str, str]:
         """The physical units of `plain`; empty where the parameters have none."""
         names = () if self.parameters.units is None else ("v_p0", self.name)
-        return {name: unit(self.parameters, DIMENSIONS[name]) for name in names}
+        return {name: unit(self.parameters, self.parameters.dimension(name)) for name in names}
 
     def _of_name(self, values: Any) -> Any:
-        return quantity(self.parameters, np.asarray(values, dtype=float), DIMENSIONS[self.name])
+        return quantity(
+            self.parameters, np.asarray(values, dtype=float), self.parameters.dimension(self.name)
+        )
 
     def _speed(self, values: Any) -> Any:
         return quantity(self.parameters, np.asarray(values, dtype=float), SPEED)
@@ -165,7 +166,7 @@ class PhaseDiagram:
         return [(REGIONS[k], int(np.sum(self.regions == k))) for k in np.unique(self.regions)]
 
     def _tips(self) -> list[str]:
-        p, dimension = self.parameters, DIMENSIONS[self.name]
+        p, dimension = self.parameters, self.parameters.dimension(self.name)
         return [
             f"{self.name} = {text(p, a, dimension)}, v_p0 = {text(p, b, SPEED)}"
             for a, b in self.solution.tips
@@ -183,7 +184,7 @@ class PhaseDiagram:
         rows: list[tuple[str, str]] = [(name, f"{count} cells") for name, count in self._counts]
         rows += [("super/subcritical", tip) for tip in self._tips()]
         ends = (
-            (self.name, self.solution.values, DIMENSIONS[self.name]),
+            (self.name, self.solution.values, self.parameters.dimension(self.name)),
             ("v_p0", self.solution.speeds, SPEED),
         )
         for name, numbers, dimension in ends:
@@ -260,8 +261,9 @@ def windows(
     proportion to its threshold. Raises InvalidInput where there is no such unit, and for a window
     that is none.
     """
-    if name not in VARIABLE:
-        raise InvalidInput(f"{labels['name']} must be one of {', '.join(VARIABLE)}, got {name!r}")
+    others = [other for other in p.names if other != "v_p0"]
+    if name not in others:
+        raise InvalidInput(f"{labels['name']} must be one of {', '.join(others)}, got {name!r}")
     asked = [
         None if v is None else value_of(p, name, v, labels[label])
         for label, v in (("low", low), ("high", high))

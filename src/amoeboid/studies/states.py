@@ -18,7 +18,7 @@ from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.display import html_picture, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
-from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.parameters import Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
     Column,
@@ -277,7 +277,7 @@ def physical_units(p: Parameters, names: Sequence[str], *parameters: str) -> dic
     if p.units is None:
         return {}
     dimensions = {name: observed.dimension(name) for name in names}
-    dimensions |= {name: DIMENSIONS[name] for name in parameters}
+    dimensions |= {name: p.dimension(name) for name in parameters}
     return {name: found for name, d in dimensions.items() if (found := unit(p, d))}
 
 
