@@ -81,6 +81,9 @@ def test_analysis_of_a_run_turns_with_the_cell():
         axes = result.plot()
         assert axes.get_xlabel() == "t [T]"
         axes.figure.clf()
+    axes = run.plot_trajectory()
+    assert axes.get_xlabel() == "first principal axis [L]"
+    axes.figure.clf()
     pytest.importorskip("xarray")
     assert one.to_xarray().c.dims == ("t", "theta")
     assert power.to_xarray().power.dims == ("t", "l")

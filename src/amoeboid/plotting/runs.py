@@ -6,9 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.plotting.trajectory import along_principal_axes
 from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
+from amoeboid.simulation.timeseries import POSITION
 from amoeboid.studies.columns import column, titled, unit
 
 INK, MUTED, LINE = "#1b1b1b", "#7a7a7a", "#0b6e99"
@@ -36,6 +38,21 @@ def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> 
     axes.set_xlabel(titled("t", columns["t"].unit))
     axes.set_ylabel(titled(observable, columns[names[0]].unit))
     axes.grid(alpha=0.25)
+    return axes
+
+
+def draw_trajectory(run: Run, ax: Any = None) -> Any:
+    """The way of a cell with all drag on its cortex, in the plane that holds most of it."""
+    axes, columns = _axes(ax), run.columns
+    way = along_principal_axes(np.stack([columns[n].values for n in POSITION], axis=1))
+    t, length = columns["t"], columns[POSITION[0]].unit
+    axes.plot(way[:, 0], way[:, 1], color=MUTED, lw=0.8)
+    image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap="viridis", zorder=3)
+    axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)
+    axes.figure.colorbar(image, ax=axes, label=titled("t", t.unit))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(titled("first principal axis", length))
+    axes.set_ylabel(titled("second principal axis", length))
     return axes
 
 

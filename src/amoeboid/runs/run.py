@@ -168,6 +168,10 @@ class Run:
         """Draw a column of the time series over time. Takes and returns axes."""
         return plotted(self, "runs.draw", ax, observable=observable)
 
+    def plot_trajectory(self, ax: Any = None) -> Any:
+        """Draw the trajectory in its main plane, colored by time. Takes and returns axes."""
+        return plotted(self, "runs.draw_trajectory", ax)
+
     @property
     def _end(self) -> str:
         """How and when the run ended, in a few words."""
