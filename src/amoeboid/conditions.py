@@ -9,11 +9,13 @@ from __future__ import annotations
 import ast
 import operator
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from amoeboid.model.parameters import DIMENSIONS
-from amoeboid.observables import OBSERVABLES, Cell
 from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.observables import Cell, Observables
 
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
@@ -91,10 +93,17 @@ def _why_not(node: ast.expr, truth: bool) -> str:
 
 
 def _unknown(name: str) -> str:
-    known = [n for n, observable in OBSERVABLES.items() if not observable.vector]
+    known = [n for n, observable in _observables().items() if not observable.vector]
     if name == "t" or name in known or name in DIMENSIONS:
         return ""
     return f"{name!r} is neither t nor a parameter nor one of {', '.join(known)}"
+
+
+def _observables() -> Observables:
+    """Imported where there is a condition: configurations without any need no solver."""
+    from amoeboid.observables import OBSERVABLES
+
+    return OBSERVABLES
 
 
 def _value(node: Any, cell: Cell, t: float) -> Any:
@@ -103,8 +112,8 @@ def _value(node: Any, cell: Cell, t: float) -> Any:
     if isinstance(node, ast.Name):
         if node.id == "t":
             return t
-        if node.id in OBSERVABLES:
-            return OBSERVABLES[node.id].value(node.id, cell)
+        if node.id in _observables():
+            return _observables()[node.id].value(node.id, cell)
         return getattr(cell.parameters, node.id)
     if isinstance(node, ast.BoolOp):
         every = isinstance(node.op, ast.And)
