@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
+    from amoeboid.model.stress import Stress
     from amoeboid.observables import OBSERVABLES, observed
     from amoeboid.simulation.loop import Diverged, Step, evolve, start
     from amoeboid.studies.branch import Branch, SpecialPoint, branch
@@ -57,6 +58,7 @@ _HOMES = {
     "SteadyState": "studies.states",
     "SteadyStates": "studies.states",
     "Step": "simulation.loop",
+    "Stress": "model.stress",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "studies.branch",
@@ -99,6 +101,7 @@ __all__ = [
     "SteadyState",
     "SteadyStates",
     "Step",
+    "Stress",
     "Theory",
     "Time",
     "branch",
