@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
+    from amoeboid.model.stress import Stress
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
     from amoeboid.runs.meshes import Icosphere, Surface
@@ -74,6 +75,7 @@ _HOMES = {
     "Step": "simulation.step",
     "StoredRun": "runs.stored",
     "Surface": "runs.meshes",
+    "Stress": "model.stress",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "studies.branch",
@@ -130,6 +132,7 @@ __all__ = [
     "SteadyStates",
     "Step",
     "StoredRun",
+    "Stress",
     "Surface",
     "Theory",
     "Time",

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -30,7 +29,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
@@ -92,10 +91,10 @@ class Dynamics:
     parameters: Parameters
     n: int = MODES
 
-    @property
-    def point(self) -> Any:
+    @cached_property
+    def point(self) -> ParameterPoint:
         """The parameters as plain attributes."""
-        return SimpleNamespace(**{**self.parameters.as_dict(), "law": self.parameters.law})
+        return self.parameters.point()
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""

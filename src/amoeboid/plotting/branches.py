@@ -11,8 +11,8 @@ import numpy as np
 
 from amoeboid.axisymmetric.phase_diagram import REGIONS
 from amoeboid.model.parameters import Parameters
+from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import (
-    COLOR_MAP,
     axes_for,
     new_figure,
     own_settings,
@@ -151,8 +151,10 @@ def _outline(axes: Any, state: SteadyState, highest: float, at: float = 0.0) -> 
     radius = float(_length(state, state.parameters.R0))
     middle = at * radius
     limits = {"vmin": 0.0, "vmax": highest, "cmap": COLOR_MAP, "s": 9}
-    image = axes.scatter(middle + r, z, c=c, **limits)
-    axes.scatter(middle - r, z, c=c, **limits)
+    for side in (r, -r):  # pale colors need an edge
+        axes.plot(middle + side, z, color="0.55", lw=4.2, solid_capstyle="butt")
+    image = axes.scatter(middle + r, z, c=c, zorder=3, **limits)
+    axes.scatter(middle - r, z, c=c, zorder=3, **limits)
     angle = np.linspace(0, 2 * np.pi, 200)
     axes.plot(middle + radius * np.sin(angle), radius * np.cos(angle), ":", color="0.6", lw=0.8)
     axes.set_aspect("equal")

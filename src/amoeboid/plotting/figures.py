@@ -21,8 +21,6 @@ METADATA = {
     ".svg": {"Date": None},
 }
 HASH_SALT = "amoeboid"
-COLOR_MAP = "viridis"
-"""The colors of concentrations, and of all else that is a number on a picture."""
 
 
 @contextmanager

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.plotting.figures import COLOR_MAP, new_figure, own_settings, write_figure
+from amoeboid.plotting import COLOR_MAP
+from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
 INK, MUTED = "#1b1b1b", "#7a7a7a"
