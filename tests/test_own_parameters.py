@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 import amoeboid
-from amoeboid.axisymmetric.branches import polarized_branch
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets, onsets_anywhere
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets, onsets_anywhere
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
 from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient
@@ -204,7 +203,7 @@ def test_a_branch_leaves_the_sphere_in_a_parameter_of_the_law():
     assert found
     for n in found:
         assert growth_rate(p.replace(**{"law.n": n}), 1) == pytest.approx(0, abs=1e-9)
-        start = departure(p, "law.n", n, options)
+        start = branch_tangent(p, "law.n", n, options)
         first, second = islice(follow(start, options), 2)
         system = SteadySystem(p, (second.x.size - 3) // 3, ("law.n",))
         assert second.parameter not in (n, first.parameter)
@@ -215,12 +214,9 @@ def test_a_branch_leaves_the_sphere_in_a_parameter_of_the_law():
 @pytest.mark.slow
 def test_a_branch_is_followed_in_a_parameter_of_the_law():
     p = Parameters(law=Custom(HILL, n=3), v_p0=6.0, D=0.4)
-    options = Options(parameter_scale=1.0, max_step=0.3, first_step=0.05, max_points=40)
-    found = polarized_branch(p, "law.n", 2.0, 3.2, options)
-    assert found is not None
-    states = [b.state for b in found.points]
-    assert max(s.max_retrograde_speed for s in states) > 0.1
-    assert {s.parameters.value("law.n") for s in states} == {b.value for b in found.points}
+    found = amoeboid.branch(p, "law.n", 2.0, 3.2)
+    assert found.complete
+    assert np.max(found.max_retrograde_speed) > 0.1
 
 
 @pytest.mark.parametrize("name", ["law.n", "stress.chi"])
