@@ -13,8 +13,12 @@ from typing import Any
 
 import tomli_w
 
-from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.model.polymerization import refuse_unwritable
+from amoeboid.model.parameters import (
+    PARAMETER_NAMES,
+    RELATIONS,
+    Parameters,
+    refuse_unwritable_relations,
+)
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -235,11 +239,14 @@ def _inside(name: str, folder: Path, path: str) -> Path:
 
 def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
     """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
-    sections = {}
+    sections: dict[str, Any] = {}
     for section, values in changes.items():
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
+        if section == "parameters":
+            sections[section] = base.parameters.replace(**values)
+            continue
         refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
         sections[section] = replace(getattr(base, section), **values)
     return replace(base, **sections)
@@ -248,7 +255,8 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
-    Values are written as in TOML; a bare word is a string. Raises InvalidInput.
+    `law.n=3` and `stress.chi=0.3` are parameters of law and stress, in any order. Values are
+    written as in TOML; a bare word is a string. Raises InvalidInput.
     """
     changes: dict[str, dict[str, Any]] = {}
     for setting in settings:
@@ -259,10 +267,12 @@ def with_settings(base: Config, settings: Iterable[str]) -> Config:
         section, dot, name = path.partition(".")
         if dot and not (section and name):
             raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        if not dot:
+        if section in RELATIONS:
+            section, name = "parameters", path
+        elif not dot:
             section, name = "parameters", path
             refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
-        value = text.strip() if name == "law" else _value(text.strip())
+        value = text.strip() if name in RELATIONS else _value(text.strip())
         changes.setdefault(section, {})[name] = value
     return configured(base, changes)
 
@@ -283,9 +293,9 @@ def _dotted_names() -> list[str]:
 def config_to_toml(config: Config) -> str:
     """The configuration as TOML text; `config_from_toml` reads it back equal.
 
-    Raises InvalidInput for a law that a text cannot hold.
+    Raises InvalidInput for a law or a stress that a text cannot hold.
     """
-    refuse_unwritable(config.parameters.law)
+    refuse_unwritable_relations(config.parameters)
     document: dict[str, Any] = {"parameters": config.parameters.as_dict()}
     for section in SECTIONS:
         if section != "parameters":

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,7 +30,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
@@ -97,10 +97,10 @@ class Dynamics:
     parameters: Parameters
     n: int = MODES
 
-    @property
-    def point(self) -> Any:
+    @cached_property
+    def point(self) -> ParameterPoint:
         """The parameters as plain attributes."""
-        return SimpleNamespace(**{**self.parameters.as_dict(), "law": self.parameters.law})
+        return self.parameters.point()
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""

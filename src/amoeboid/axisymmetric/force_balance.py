@@ -5,10 +5,13 @@ All fields are arrays or Duals; `p` holds the parameters, possibly complex.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.shape import Shape
+from amoeboid.model.stress import principal_stresses
 
 
 @dataclass(frozen=True)
@@ -20,14 +23,14 @@ class Stress:
 
 
 def stress(shape: Shape, u: Any, w: Any, c: Any, zeta0: Any, p: Any) -> Stress:
-    """Viscous stress of v_c = u t + w n, less alpha c, plus the tension zeta0.
+    """Viscous stress of v_c = u t + w n, plus tau(c) and the tension zeta0.
 
     Main text, passive surface stress; SI `passive` and `surfaceStressAlpha`.
     """
     stretch_1 = shape.odd_slope(u) + shape.kappa_1 * w
     stretch_2 = shape.cot * u + shape.kappa_2 * w
-    isotropic = (stretch_1 + stretch_2) * p.eta_b - c * p.alpha + zeta0
-    return Stress(isotropic + stretch_1 * (2 * p.eta_s), isotropic + stretch_2 * (2 * p.eta_s))
+    tau = function_of(c, p.tau_derivatives)
+    return Stress(*principal_stresses(stretch_1, stretch_2, tau, zeta0, p))
 
 
 def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
@@ -43,10 +46,14 @@ def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
 
 def speed(c: Any, p: Any) -> Any:
     """Polymerization speed v_p(c) of an array or a Dual [length/time]; main text `vp`."""
+    return function_of(c, p.v_p_derivatives)
+
+
+def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:
+    """A function of an array or a Dual, given (f(c), f'(c)) by `derivatives(c, 1)`."""
     if hasattr(c, "derivatives"):
-        value, slope = p.law.derivatives(c.values, p.v_p0, p.c_r, 1)
-        return c.map(value, slope)
-    return p.law.value(c, p.v_p0, p.c_r)
+        return c.map(*derivatives(c.values, 1))
+    return derivatives(c, 0)[0]
 
 
 def transport(shape: Shape, c: Any, u: Any, p: Any) -> Any:

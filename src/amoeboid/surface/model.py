@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.closed_forms.linear import growth_rate
+from amoeboid.closed_forms.points import points
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length
+from amoeboid.model.constitutive import Differences, NoDerivatives
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
 
@@ -45,8 +48,19 @@ class Model:
 
     @cached_property
     def growth_rate(self) -> float:
-        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T]."""
-        return float(growth_rate(self.parameters, 1))
+        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T].
+
+        By differences of law and stress where these have values only.
+        """
+        try:
+            return float(growth_rate(self.parameters, 1))
+        except NoDerivatives:
+            p = points(self.parameters)
+            slopes: dict[str, Any] = {
+                "law": Differences(p.law),
+                "stress": Differences(p.stress),
+            }
+            return float(growth_rate(replace(p, **slopes), 1))
 
     @cached_property
     def vector_solver(self) -> SparseCholesky:
