@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -35,6 +35,10 @@ class Model:
         if self.edge_length == 0.0:
             length = equilateral_edge_length(self.A0, len(self.mesh.faces))
             object.__setattr__(self, "edge_length", length)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: no solvers, which are made again where they are needed."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     @property
     def A0(self) -> float:
