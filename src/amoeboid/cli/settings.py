@@ -10,6 +10,7 @@ from typing import Any
 
 from amoeboid.cli.output import say
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
+from amoeboid.model.inputs import Cue
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput, rule
 
@@ -82,7 +83,7 @@ def field_table() -> str:
     """All fields of the configuration with defaults, ranges and meanings, for help texts."""
     rows = []
     default = Config()
-    for section in (Parameters, Mesh, Initial, Time, Output):
+    for section in (Parameters, Mesh, Initial, Time, Output, Cue):
         name = section.__name__.lower()
         prefix = "" if section is Parameters else f"{name}."
         for f in fields(section):
@@ -98,4 +99,8 @@ def field_table() -> str:
                 f"  {'law':24}{'exponential':18}polymerization law: exponential, inverse, "
                 "or an expression in c"
             )
+    rows.append(
+        f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a list "
+        "of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
+    )
     return "\n".join(rows)

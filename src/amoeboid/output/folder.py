@@ -26,18 +26,26 @@ import shutil
 from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from amoeboid.config import Config, anchored, config_from_toml, config_to_toml, resolved
+from amoeboid.config import (
+    SECTIONS,
+    Config,
+    anchored,
+    config_from_toml,
+    config_to_toml,
+    resolved,
+)
 from amoeboid.observables import OBSERVABLES, VECTORS, components, observed, retrograde_flow
 from amoeboid.observables import units as observable_units
 from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from amoeboid.output.versions import installed_versions
+from amoeboid.simulation.changes import input_units, input_values
 from amoeboid.simulation.loop import Step, between, due_times, start
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
@@ -90,14 +98,14 @@ class Run:
 
     `given` is the configuration with automatic fields left open, so that they follow the scheme
     and the parameters where it is used again; `config` has every value that the run is made with.
-    `units`: the columns of the time series, that is all observables there are now, and their
-    dimensions.
+    `units`: the columns of the time series, that is all observables there are now and the
+    parameters that change, and their dimensions.
     """
 
     def __init__(self, folder: Path, given: Config) -> None:
         self.folder = folder
         self.given, self.config = given, resolved(given)
-        self.units = STEP_UNITS | observable_units()
+        self.units = STEP_UNITS | observable_units() | input_units(given)
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
@@ -143,6 +151,7 @@ class Run:
             **dict(zip(POSITION, position, strict=True)),
             **observed(step.model, step.state, step.flow),
             **components(step.model, step.state, step.flow),
+            **input_values(step.model),
         }
         row = {name: found[name] for name in self.units}
         self.rows.append(row)
@@ -210,7 +219,7 @@ class Run:
             "status": status,
             **more,
             "parameters": self.config.parameters.as_dict(),
-            **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
+            **{s: self.config.section(s) for s in SECTIONS if s != "parameters"},
             **({} if self.adapted is None else {"initial_shape": self.adapted}),
             "units": self.units,
             "seed": self.config.initial.seed,
@@ -301,7 +310,7 @@ def new_run(folder: Path, config: Config, adapted: Adaptation | None = None) -> 
     columns.
     """
     config_to_toml(config)
-    _check_names()
+    _check_names(config)
     run = Run(folder, _with_own_files(folder, config))
     run.adapted = None if adapted is None else asdict(adapted)
     run.begin()
@@ -346,7 +355,7 @@ def restarted_run(folder: Path, config: Config) -> tuple[Run, Step]:
 
     Raises InvalidInput if `config` is not the one it was begun with.
     """
-    _check_names()
+    _check_names(config)
     _refuse_changes(resolved(stored_config(folder)), resolved(config))
     run, first = Run(folder, config), start(anchored(config, folder))
     run.adapted = None if first.adapted is None else asdict(first.adapted)
@@ -360,7 +369,7 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     """
     if not has_checkpoint(folder):
         raise InvalidInput(f"--resume needs a checkpoint, {str(folder)!r} has none")
-    _check_names()
+    _check_names(config)
     run = Run(folder, config)
     try:
         saved = read_checkpoint(folder / "checkpoint.npz")
@@ -394,9 +403,10 @@ def _are_texts(values: list[Any]) -> bool:
     return all(isinstance(value, str) for value in values)
 
 
-def _check_names() -> None:
+def _check_names(config: Config) -> None:
     """Raise InvalidInput for an observable that has the name of another column."""
-    columns = [*STEP_UNITS, *OBSERVABLES, *(f"{name}_{axis}" for name in VECTORS for axis in "xyz")]
+    vectors = [f"{name}_{axis}" for name in VECTORS for axis in "xyz"]
+    columns = [*STEP_UNITS, *OBSERVABLES, *vectors, *input_units(config)]
     twice = [name for name in columns if columns.count(name) > 1]
     if twice:
         raise InvalidInput(
@@ -406,13 +416,13 @@ def _check_names() -> None:
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
-    for section in ("parameters", "mesh", "initial"):
-        before, now = getattr(made_with, section), getattr(wanted, section)
-        for f in fields(before):
-            was, is_ = getattr(before, f.name), getattr(now, f.name)
+    for section in ("parameters", "mesh", "initial", "changes", "cue"):
+        before, now = made_with.section(section), wanted.section(section)
+        for name in {**before, **now}:
+            was, is_ = before.get(name), now.get(name)
             if was != is_:
                 raise InvalidInput(
-                    f"--resume keeps [{section}] as it was, {f.name} = {was}, got {is_}; only "
+                    f"--resume keeps [{section}] as it was, {name} = {was}, got {is_}; only "
                     "time.* and output.* may change, start a new run for the rest"
                 )
 

@@ -1,5 +1,6 @@
 """The time loop: steps of controlled length until a time, a steady state, or an event.
 
+Steps end where an input jumps, and start anew there; see `simulation.changes`.
 `evolve` yields every accepted step; it keeps nothing and writes nothing.
 """
 
@@ -16,6 +17,7 @@ from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.numerics.multistep import extrapolated
 from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.initial import Adaptation, first_flow, initial_condition
@@ -41,10 +43,11 @@ STABLE_GROWTH = 2.4
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
-    `model` may have another mesh than that of the step before; `history`: the state and those
+    `model` may have another mesh than that of the step before, and has the parameters at the time
+    of the state, at a jump those before it; `history`: the state and those
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
-    of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
-    and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
+    of shape and concentration in units of model.rate; `rest` is None as long as the cell or one of
+    its parameters changes, and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
     nodes (V, 3) with which it was last tried in vain to make a better mesh than this one;
     `adapted`, of an initial state: what was done to a shape from a file.
     """
@@ -106,7 +109,8 @@ class Step:
     def stability_problem(self) -> str:
         """Why it is not known whether the state is stable; empty if it is."""
         if self.rest is None:
-            return "the cell still changes"
+            pending = awaited(self.model, self.state.t)
+            return pending or "the cell still changes"
         if self.growth is None or self.growth_error is None:
             return self.rest.growth.problem
         if self.in_vain:
@@ -170,7 +174,9 @@ def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[St
     A run continued from any step goes on exactly as the uninterrupted one. Raises Diverged if no
     step, however short, can be made.
     """
-    time = resolved(Config(parameters=first.model.parameters, time=time)).time
+    given, inputs = first.model.given, first.model.inputs
+    changes = {} if inputs is None else {"changes": inputs.changes, "cue": inputs.cue}
+    time = resolved(Config(parameters=given, time=time, **changes)).time
     step = first
     while step.state.t < time.end:
         step = _next(step, time)
@@ -203,7 +209,9 @@ def between(before: Step, after: Step, t: float) -> Step:
         if c.min() >= 0.0:
             break
     position = extrapolated(times, [s.position for s in past[:count]], t)
-    begun = before.flow if before.model is model else flow_of(model, past[1], after.dt)
+    begins = past[1].t
+    known = before.model.mesh is model.mesh and begins not in model.breaks
+    begun = before.flow if known else flow_of(model.at(begins, begins), past[1], after.dt)
     share, g = (t - past[1].t) / after.dt, geometry(r, faces)
     v_c, v_p = (
         (1.0 - share) * a + share * b
@@ -212,7 +220,7 @@ def between(before: Step, after: Step, t: float) -> Step:
     zeta0 = (1.0 - share) * begun.zeta0 + share * after.flow.zeta0
     state = State(t, r, np.maximum(c, 0.0), zeta0, position)
     flow = Flow(v_c, v_p, zeta0, g.normals, g.node_areas)
-    return replace(after, history=(state, *past[1:]), flow=flow)
+    return replace(after, model=model.at(t, begins), history=(state, *past[1:]), flow=flow)
 
 
 def due_times(after: float, until: float, interval: float) -> Iterator[float]:
@@ -240,11 +248,12 @@ def _next(step: Step, time: Time) -> Step:
 
 def _explicit(step: Step, time: Time) -> Step:
     """One step of the paper's algorithm, whose length is given."""
-    remaining = time.end - step.state.t
+    model, stop = step.model, next_stop(step.model, step.state.t, time.end)
+    remaining = stop - step.state.t
     length = remaining if time.max_step > 0.999 * remaining else time.max_step
-    model = step.model
     try:
         state, flow = explicit_step(model, step.state, length, step.flow)
+        state = landed(state, stop, length == remaining)
     except (StepFailed, InvalidInput) as error:
         raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
     return _accepted(step, model, (state, step.state), flow, time.max_step, 0)
@@ -253,21 +262,26 @@ def _explicit(step: Step, time: Time) -> Step:
 def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
     model, present, tried = step.model, step.state, step.tried
+    stop, smooth = next_stop(model, present.t, time.end), not after_break(model, present.t)
     if due(model, present, tried):
         model, present = remeshed(model, present)
         tried = present.r if model is step.model else None
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
-    dt, rejected = min(_next_length(step), time.max_step), step.rejected
-    if not kept:
+    if not smooth:  # what was before tells nothing of what comes
+        past, flow_before = (replace(present, turning=None),), None
+    dt = min(_next_length(step) if smooth else step.next_dt, time.max_step)
+    rejected = step.rejected
+    if not (kept and smooth):
         dt *= START_AGAIN
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
-        remaining = time.end - step.state.t
+        remaining = stop - present.t
         # do not leave a sliver for the last step
         length = remaining if dt > 0.999 * remaining else dt
         try:
             state, flow, error = _tried(model, past, length, flow_before, time.tolerance)
+            state = landed(state, stop, length == remaining)
         except (StepFailed, SingularMatrix, InvalidInput) as failure:
             # InvalidInput: the law is not defined at a concentration that this step would need
             why = str(failure)
@@ -284,7 +298,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
             dt, rejected = float(factor) * length, rejected + 1
             continue
         grown = min(time.max_step, float(factor) * length)
-        # a last step cut short by time.end says nothing about the length to go on with
+        # a step cut short by a stop says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
         new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
         return replace(new, tried=tried)
@@ -300,7 +314,10 @@ def _accepted(
     rejected: int,
 ) -> Step:
     """The step after `before`, with what is to be known of its state."""
+    model = model.at(history[0].t, since=history[1].t)
     rate, still = relative_rate(model, history[0], flow)
+    if awaited(model, history[0].t):
+        return Step(before.number + 1, model, history, flow, next_dt, rejected, rate)
     rest = before.rest if rate < CHANGED * STEADY else None
     if rest is None and still and rate <= before.rate:
         rest = Rest(history[0].t, leading_growth_rate(model, history[0], flow))

@@ -8,7 +8,8 @@ x = T x + S y, from disturbances y before the step. The passes themselves need n
 
 A disturbance (2V,) is c'/(c0 + c) and h/R0, h along the normals. Nodes that slide within the
 surface are none, so that the many slow modes of the mesh play no part. Nodes turn with the cell, as
-they do in a run: a mesh at rest would hold or drive a cell that is about to turn.
+they do in a run: a mesh at rest would hold or drive a cell that is about to turn. Under a cue they
+do so about its axis alone, as the cell seen from axes that tilt is under another cue.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from amoeboid.meshes.geometry import Geometry, area_gradient, geometry, node_are
 from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import cortex, force_balance
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import turning_rate
+from amoeboid.surface.rigid import free_axes, turning_rate
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import exchanged, implicit_matrix
 
@@ -53,6 +54,7 @@ class LinearizedStep:
         # what the velocity is less in axes that turn, by unit rates around three axes (3, V, 3)
         self._turns = [self._velocity(rest, rest, rest, axis)[0] - v for axis in np.eye(3)]
         self._turning = turning_rate(model, state.r, state.c, self.g, v)
+        self._free = free_axes(model, state.r)
         self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
         u = v - normal_part(v, self.g.normals)
         beside = BESIDE * np.random.default_rng(0).uniform(-1.0, 1.0, (len(rest), 4))
@@ -87,6 +89,8 @@ class LinearizedStep:
         v, c, g = self._velocity(c_x, h_x, h_y)
         # nodes turn with the cell
         turning = turning_rate(self.model, self._moved(h_x), c, g, v) - self._turning
+        if self.model.cue is not None:
+            turning = self._free.T @ (self._free @ turning)
         v = v + np.tensordot(turning, self._turns, 1)
         h = h_y + dt / p.R0 * (np.einsum("vi,vi->v", v, g.normals) - self._v_n)
         # the tension that keeps the area

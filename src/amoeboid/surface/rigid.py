@@ -22,6 +22,9 @@ from amoeboid.surface.transport import rate_of_change
 # Mean square of what a rotation must change, c relative to c0 + c or r.n to R0, for the cell to
 # count as one that can turn around that axis.
 LEAST_CHANGE = 1e-4
+# Angle by which a cell is turned to see whether a cue acts on it differently then, and the rms
+# change of the factor per radian up to which it does not.
+TILT, SAME_FACTOR = 1e-4, 1e-7
 
 
 def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
@@ -58,9 +61,26 @@ def translations(x: Array) -> list[Array]:
     return [np.broadcast_to(axis, x.shape) for axis in np.eye(3)]
 
 
-def rotations(x: Array) -> list[Array]:
-    """Velocities of nodes x (V, 3) that turn around the axes at unit rates."""
-    return [np.cross(axis, x) for axis in np.eye(3)]
+def rotations(x: Array, axes: Array) -> list[Array]:
+    """Velocities of nodes x (V, 3) that turn around `axes` (k, 3) at unit rates."""
+    return [np.cross(axis, x) for axis in axes]
+
+
+def free_axes(model: Model, r: Array) -> Array:
+    """Orthonormal axes (k, 3) about which a rotated cell r (V, 3) meets the same surroundings.
+
+    All three without a cue, the axis of a cue along one direction, none in general.
+    """
+    if model.cue is None:
+        return np.eye(3)
+    directions = model.directions(r)
+    differences = [
+        model.cue_factor(turned(directions, TILT * axis, 1.0))
+        - model.cue_factor(turned(directions, -TILT * axis, 1.0))
+        for axis in np.eye(3)
+    ]
+    _, sizes, axes = np.linalg.svd(np.stack(differences, axis=1) / (2.0 * TILT * np.sqrt(len(r))))
+    return np.asarray(axes[sizes < SAME_FACTOR])
 
 
 def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:

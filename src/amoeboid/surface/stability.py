@@ -11,7 +11,8 @@ Rigid motions of the cell are neutral, but on a mesh they seem to grow or decay 
 hide slow modes: the equations of motion are restricted to what is orthogonal to them. That leaves
 the other rates as they are where the mesh resolves the cell; where it does not, growth may appear
 that the steps themselves do not show. Without turnover the number of filaments is kept, and a
-disturbance that changes it is none of this cell.
+disturbance that changes it is none of this cell. A cue makes rotations about other axes than its
+own decay or grow for good: they are no neutral motions then.
 
 The cell may turn while it is disturbed, but slowly: as much as `dt` turns it is neglected.
 """
@@ -32,7 +33,7 @@ from amoeboid.numerics.sparse.banded import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import changes, gradient, rotations, translations
+from amoeboid.surface.rigid import changes, free_axes, gradient, rotations, translations
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
@@ -181,7 +182,8 @@ def _left_out(model: Model, state: State, g: Geometry, slope: Array) -> Array:
     """
     p, faces = model.parameters, model.mesh.faces
     x = (state.r - volume_centroid(state.r, faces)) / p.R0
-    motions = [p.R0 * motion for motion in (*translations(x), *rotations(x))]
+    turns = rotations(x, free_axes(model, state.r))
+    motions = [p.R0 * motion for motion in (*translations(x), *turns)]
     rigid, sizes, _ = np.linalg.svd(changes(motions, slope, g.normals, p.R0), full_matrices=False)
     columns = [rigid[:, sizes > NO_MOTION * sizes[0]]]
     if p.beta == 0.0:

@@ -9,7 +9,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import spin, turning_rate
+from amoeboid.surface.rigid import free_axes, spin, turning_rate
 from amoeboid.surface.stability import SETTLED, Growth
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import rate_of_change
@@ -51,14 +51,21 @@ def relative_rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
         r_rate = np.einsum("vi,vi->v", v, flow.normals) / p.R0
         return float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
 
+    def free(turning: Array) -> Array:
+        """Its part about axes that no cue holds the cell to."""
+        if model.cue is None:
+            return turning
+        axes = free_axes(model, state.r)
+        return np.asarray(axes.T @ (axes @ turning))
+
     rate = changing(flow.v)
     turning = np.full(3, np.inf) if state.turning is None else state.turning
     if rate >= STEADY and np.linalg.norm(turning) < SLOW_TURNING * model.rate:
         # what changes in axes that turn with the cell, where a cell that only turns is at rest; the
         # rate is damped, and what it leaves of the turning is taken off in turn
-        v = flow.v - spin(turning, x)
+        v = flow.v - spin(free(turning), x)
         for _ in range(FINER_TURNING):
-            v -= spin(turning_rate(model, state.r, state.c, g, v), x)
+            v -= spin(free(turning_rate(model, state.r, state.c, g, v)), x)
         rate = min(rate, changing(v))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
