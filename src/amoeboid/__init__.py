@@ -20,6 +20,8 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.model.changes import Change, ramp, smooth, steps
+    from amoeboid.model.cues import Cue
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.observables import OBSERVABLES, observed
@@ -29,10 +31,13 @@ if TYPE_CHECKING:
     from amoeboid.theory.branch import prediction
     from amoeboid.theory.linear import growth_rate, thresholds
     from amoeboid.theory.points import points
+    from amoeboid.theory.response import polarization_by_cue
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
+    "Change": "model.changes",
     "Config": "config",
+    "Cue": "model.cues",
     "Custom": "model.polymerization",
     "Diverged": "simulation.loop",
     "Exponential": "model.polymerization",
@@ -58,16 +63,22 @@ _HOMES = {
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
     "points": "theory.points",
+    "polarization_by_cue": "theory.response",
     "prediction": "theory.branch",
+    "ramp": "model.changes",
+    "smooth": "model.changes",
     "start": "simulation.loop",
     "steady_states": "axisymmetric.branches",
+    "steps": "model.changes",
     "thresholds": "theory.linear",
     "unstable_modes": "axisymmetric.stability",
 }
 
 __all__ = [
     "OBSERVABLES",
+    "Change",
     "Config",
+    "Cue",
     "Custom",
     "Diverged",
     "Exponential",
@@ -92,9 +103,13 @@ __all__ = [
     "parameters_from_toml",
     "parameters_to_toml",
     "points",
+    "polarization_by_cue",
     "prediction",
+    "ramp",
+    "smooth",
     "start",
     "steady_states",
+    "steps",
     "thresholds",
     "unstable_modes",
 ]

@@ -13,7 +13,9 @@ from typing import Any
 
 import tomli_w
 
-from amoeboid.model.inputs import CHANGEABLE, Changes, Cue, Inputs, inputs_of, written_cue
+from amoeboid.model.changes import CHANGEABLE, Changes
+from amoeboid.model.cues import Cue, written_cue
+from amoeboid.model.inputs import Inputs, inputs_of
 from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
 from amoeboid.model.polymerization import refuse_unwritable
 from amoeboid.validation import (

@@ -11,7 +11,6 @@ from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import PAPER_CELL, to_simulation
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
 from amoeboid.simulation import loop as simulation
@@ -36,7 +35,7 @@ NO_TURNOVER = Parameters(D=0.1, v_p0=0.75, beta=0.0)
 # filaments swept to the rear: the map is far from normal
 SWEPT = Parameters()
 VERY_SWEPT = Parameters(D=0.01, v_p0=5.0)
-PAPER = to_simulation(PAPER_CELL)[0]
+PAPER = Parameters.physical()
 # without turnover, and without filaments at the front
 EMPTIED = Parameters(D=0.1, v_p0=3.0, beta=0.0)
 

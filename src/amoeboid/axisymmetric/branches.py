@@ -13,6 +13,7 @@ from amoeboid.axisymmetric.bifurcations import (
     branch_point,
     located_crossings,
 )
+from amoeboid.axisymmetric.force_balance import refuse_cue
 from amoeboid.axisymmetric.onset import departure, onsets, onsets_anywhere
 from amoeboid.axisymmetric.paths import (
     SAME,
@@ -183,8 +184,10 @@ def branch_from_state(
     """What lies inside the window of the branch from a steady state on, in the parameter `name`.
 
     It leaves the state in `direction` of the parameter, and is followed through its folds, outside
-    the window too; what lies on the other side of the state is not.
+    the window too; what lies on the other side of the state is not. Raises InvalidInput for a state
+    under a cue.
     """
+    refuse_cue(state.cue, "a branch of steady states")
     window = Window.of(window)
     p, value = state.parameters, float(getattr(state.parameters, name))
     size = max(abs(value), window.high - window.low)

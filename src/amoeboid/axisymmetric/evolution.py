@@ -18,7 +18,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import observables
-from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
+from amoeboid.axisymmetric.force_balance import axial_strength, forces, speed, stress, transport
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
@@ -30,6 +30,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
@@ -59,6 +60,7 @@ class Instant:
     length_scale: float
     zeta0: float
     rate: float
+    cue: Cue | None = None
 
     @property
     def max_retrograde_speed(self) -> float:
@@ -87,20 +89,22 @@ class Instant:
         """This instant as a guess for the steady state nearby (not converged)."""
         scalars = [self.length_scale, self.zeta0, 0.0, 0.0]
         x = np.concatenate([self.psi, self.u, self.c, scalars])
-        return SteadyState(self.parameters, self.n, x, False, ())
+        return SteadyState(self.parameters, self.n, x, False, (), cue=self.cue)
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """y' = rate(y) for one parameter point and n points."""
+    """y' = rate(y) for one parameter point and n points, and a cue along the axis or None."""
 
     parameters: Parameters
     n: int = MODES
+    cue: Cue | None = None
 
     @property
     def point(self) -> Any:
         """The parameters as plain attributes."""
-        return SimpleNamespace(**{**self.parameters.as_dict(), "law": self.parameters.law})
+        p = self.parameters
+        return SimpleNamespace(**{**p.as_dict(), "law": p.law, "cue": axial_strength(self.cue)})
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""
@@ -166,7 +170,7 @@ class Dynamics:
         here, c, _ = closed
         p = self.point
         tangential, normal = forces(here, stress(here, u, w, c, zeta0, p), axial, p)
-        V = w + speed(c, p)
+        V = w + speed(here, c, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
         s = Scales.of(self.parameters)
@@ -193,7 +197,7 @@ class Dynamics:
     def _rates(self, closed: Any, u: Any, w: Any) -> Any:
         here, c, _ = closed
         p, g, n = self.point, grid(self.n), self.n
-        V = w + speed(c, p)
+        V = w + speed(here, c, p)
         slide = -(g.integral @ (here.psi_slope * V))
         turning = here.kappa_1 * slide - here.even_slope(V)
         c_rate = slide * here.even_slope(c) - c * here.curvature_sum * V + transport(here, c, u, p)
@@ -209,12 +213,12 @@ class Dynamics:
         here, c, coefficients = self.closed(y)
         n, g = self.n, grid(self.n)
         q = self._velocities((here, c, coefficients))
-        V = g.even_values @ q[n : 2 * n] + speed(c, self.point)
+        V = g.even_values @ q[n : 2 * n] + speed(here, c, self.point)
         u = g.to_odd @ observables.retrograde_flow(here, g.odd_values @ q[:n], V)
         rate = float(np.sqrt(np.mean((self.rate(y) / self.scales()) ** 2)))
         return Instant(
             self.parameters, t, n, y, coefficients, u, y[n - 2 :],
-            float(here.scale[0]), float(q[2 * n]), rate,
+            float(here.scale[0]), float(q[2 * n]), rate, self.cue,
         )  # fmt: skip
 
     def resolved(self, y: Array) -> bool:
@@ -227,7 +231,7 @@ class Dynamics:
         """Twice the points, and y on them."""
         n = 2 * self.n
         halves = resized(y[: self.n - 2], n - 2), resized(y[self.n - 2 :], n)
-        return Dynamics(self.parameters, n), np.concatenate(halves)
+        return replace(self, n=n), np.concatenate(halves)
 
 
 def perturbed_sphere(
@@ -260,15 +264,20 @@ def state_of(state: SteadyState) -> Array:
 
 
 def evolve(
-    p: Parameters, y: Array, end: float = np.inf, control: Control | None = None
+    p: Parameters,
+    y: Array,
+    end: float = np.inf,
+    control: Control | None = None,
+    cue: Cue | None = None,
 ) -> Iterator[Instant]:
     """The cell from the state y at t = 0 on, one instant a step, the first one included.
 
     The number of points doubles when the series need it. Raises StepTooSmall if the error cannot
     be controlled or MAX_MODES do not resolve the state, InvalidInput for an impossible start.
-    `control` has its steps in the units of p; left out, they are measured in 1/p.rate.
+    `control` has its steps in the units of p; left out, they are measured in 1/p.rate. `cue`: one
+    along the axis, towards the pole x = 0 for the direction (0, 0, 1).
     """
-    dynamics = Dynamics(p, (y.size + 2) // 2)
+    dynamics = Dynamics(p, (y.size + 2) // 2, cue)
     base = control or Control(first_step=FIRST_STEP / p.rate, min_step=MIN_STEP / p.rate)
     t, step = 0.0, base.first_step
     yield dynamics.instant(t, y)
@@ -286,11 +295,16 @@ def evolve(
 
 
 def settled(
-    p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
+    p: Parameters,
+    y: Array,
+    end: float,
+    control: Control | None = None,
+    rate: float = 1e-10,
+    cue: Cue | None = None,
 ) -> Instant:
     """The last instant of an evolution: steady to `rate` in units of p.rate, or at time `end`."""
     last = None
-    for last in evolve(p, y, end, control):
+    for last in evolve(p, y, end, control, cue):
         if last.rate <= rate * p.rate:
             break
     if last is None:
@@ -300,4 +314,4 @@ def settled(
 
 def polished(instant: Instant) -> SteadyState:
     """The steady state that Newton's method reaches from an instant."""
-    return steady_state(instant.parameters, instant.as_guess())
+    return steady_state(instant.parameters, instant.as_guess(), instant.cue)

@@ -10,7 +10,7 @@ from typing import Any
 
 from amoeboid.cli.output import say
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
-from amoeboid.model.inputs import Cue
+from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput, rule
 
@@ -100,7 +100,7 @@ def field_table() -> str:
                 "or an expression in c"
             )
     rows.append(
-        f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a list "
-        "of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
+        f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "
+        "list of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
     )
     return "\n".join(rows)

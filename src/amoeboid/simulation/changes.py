@@ -11,7 +11,7 @@ import math
 from dataclasses import replace
 
 from amoeboid.config import Config
-from amoeboid.model.inputs import CUE_STRENGTH
+from amoeboid.model.changes import CUE_STRENGTH
 from amoeboid.model.parameters import DIMENSIONS
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import State
@@ -42,7 +42,7 @@ def awaited(model: Model, t: float) -> str:
     return f"a parameter or cue changes until t = {until:g}"
 
 
-def input_units(config: Config) -> dict[str, str]:
+def input_units(config: Config) -> dict[str, str | None]:
     """Columns of the time series for what changes, and their dimensions; `cue.strength` is
     cue_strength."""
     return {_column(name): DIMENSIONS.get(name, "1") for name in config.changes}
@@ -60,8 +60,4 @@ def _column(name: str) -> str:
 
 
 def _value(model: Model, name: str) -> float:
-    return float(
-        model.cue.strength if name == CUE_STRENGTH else getattr(model.parameters, name)
-    )
-
-
+    return float(model.cue.strength if name == CUE_STRENGTH else getattr(model.parameters, name))

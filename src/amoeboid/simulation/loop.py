@@ -47,9 +47,9 @@ class Step:
     of the state, at a jump those before it; `history`: the state and those
     before it that the next step needs, newest first; `rate` is the largest relative rate of change
     of shape and concentration in units of model.rate; `rest` is None as long as the cell or one of
-    its parameters changes, and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
-    nodes (V, 3) with which it was last tried in vain to make a better mesh than this one;
-    `adapted`, of an initial state: what was done to a shape from a file.
+    its parameters changes, and for an initial state; `ended` says why the run ends here, None if it
+    goes on; `tried`: the nodes (V, 3) with which it was last tried in vain to make a better mesh
+    than this one; `adapted`, of an initial state: what was done to a shape from a file.
     """
 
     number: int

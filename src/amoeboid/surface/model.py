@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
-from amoeboid.model.inputs import Inputs, factor_of
+from amoeboid.model.cues import factor_of
+from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse.cholesky import BlockCholesky
 from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
