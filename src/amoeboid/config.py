@@ -276,7 +276,8 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
-        refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
+        if section != "changes":  # which knows its names itself
+            refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
         sections[section] = _changed(getattr(base, section), section, values)
     return replace(base, **sections)
 

@@ -224,7 +224,7 @@ class Changes(Mapping[str, Change]):
 
     def __init__(self, given: Mapping[str, Any] | None = None) -> None:
         self._changes: dict[str, Change] = {}
-        for name, found in (given or {}).items():
+        for name, found in _flat(given or {}).items():
             if name in FIXED:
                 raise InvalidInput(
                     f"changes may name any parameter but {name}, got {name}: it sets the area that "
@@ -259,7 +259,17 @@ class Changes(Mapping[str, Change]):
                 written[name] = found.written()
             except InvalidInput as error:
                 raise InvalidInput(f"changes.{name}: {error}") from None
-        return written
+        cue = written.pop(CUE_STRENGTH, None)
+        return written if cue is None else written | {"cue": {"strength": cue}}
+
+
+def _flat(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Names and values, where a file has a table `cue` within its section."""
+    cue = given.get("cue")
+    if not isinstance(cue, Mapping):
+        return dict(given)
+    others = {name: found for name, found in given.items() if name != "cue"}
+    return others | {f"cue.{name}": found for name, found in cue.items()}
 
 
 def _points(kind: str, points: Iterable[Any], *, earliest_allowed: bool) -> Points:

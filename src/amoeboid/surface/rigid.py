@@ -71,8 +71,17 @@ def free_axes(model: Model, r: Array) -> Array:
 
     All three without a cue, the axis of a cue along one direction, none in general.
     """
+    return _axes(model, r)[0]
+
+
+def held_axes(model: Model, r: Array) -> Array:
+    """The orthonormal axes (k, 3) about which it does not, those that a cue holds the cell to."""
+    return _axes(model, r)[1]
+
+
+def _axes(model: Model, r: Array) -> tuple[Array, Array]:
     if model.cue is None:
-        return np.eye(3)
+        return np.eye(3), np.zeros((0, 3))
     directions = model.directions(r)
     differences = [
         model.cue_factor(turned(directions, TILT * axis, 1.0))
@@ -80,7 +89,8 @@ def free_axes(model: Model, r: Array) -> Array:
         for axis in np.eye(3)
     ]
     _, sizes, axes = np.linalg.svd(np.stack(differences, axis=1) / (2.0 * TILT * np.sqrt(len(r))))
-    return np.asarray(axes[sizes < SAME_FACTOR])
+    free = sizes < SAME_FACTOR
+    return axes[free], axes[~free]
 
 
 def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:

@@ -151,16 +151,12 @@ class RestrictedStep:
         return self._restricted(self._step.image(y, self._tolerance))
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
-        """How far `mode` (2V,), of length 1, is from being multiplied by mu.
-
-        From the equations of the step, with the opposite sign of the disturbances: also as far as
-        these do not act as a linear map.
-        """
+        """How far `mode` (2V,), of length 1, is from being multiplied by mu."""
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                left = self._step.one_pass(-x, -y, side=-1) + x
-                parts.append(self._restricted(self._step.solved(left, self._tolerance)))
+                left = self._step.remainder(x, y, self._tolerance)
+                parts.append(self._restricted(left))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
