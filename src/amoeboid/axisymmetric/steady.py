@@ -330,6 +330,7 @@ def steady_state(p: Parameters, guess: SteadyState, cue: Cue | None = None) -> S
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
     """
+    axial_strength(cue)  # refuses cues in other directions
     n, x = guess.n, guess.x
     history: tuple[float, ...] = ()
     while True:

@@ -105,7 +105,7 @@ class Run:
     def __init__(self, folder: Path, given: Config) -> None:
         self.folder = folder
         self.given, self.config = given, resolved(given)
-        self.units = STEP_UNITS | observable_units() | input_units(given)
+        self.units = _columns(given)
         self.rows: list[dict[str, float]] = []
         self.frame_times: list[tuple[float, str]] = []
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
@@ -229,6 +229,11 @@ class Run:
             "frames": [{"t": t, "file": f"frames/{name}"} for t, name in frames],
         }
         write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
+
+
+def _columns(config: Config) -> dict[str, str | None]:
+    """The columns of the time series and their dimensions."""
+    return STEP_UNITS | observable_units() | input_units(config)
 
 
 class _GrowingFile:
@@ -373,7 +378,8 @@ def resumed_run(folder: Path, config: Config) -> tuple[Run, Step]:
     run = Run(folder, config)
     try:
         saved = read_checkpoint(folder / "checkpoint.npz")
-        rows = _read_table(folder / "timeseries.csv", saved.step, tuple(run.units))
+        columns = tuple(_columns(saved.config))
+        rows = _read_table(folder / "timeseries.csv", saved.step, columns)
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
             f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "
