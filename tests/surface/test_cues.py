@@ -62,6 +62,7 @@ class TwoSided:
         return 1.0 + self.strength * (1.5 * directions[:, 2] ** 2 - 0.5)
 
 
+@pytest.mark.slow
 def test_cue_of_ones_own_makes_the_shape_and_concentration_of_linear_theory():
     """Mode l = 2: d/dt (c_2, rho_2) = M (c_2, rho_2) + strength v_p(c0)/R0 (-2 c0, 1)."""
     p = am.Parameters(v_p0=2.0, delta_P=20.0)
@@ -173,6 +174,7 @@ def test_growth_rate_under_a_cue_is_the_rate_of_turning_towards_it(turning_cell)
     assert found.rate == pytest.approx(seen, abs=0.01)
 
 
+@pytest.mark.slow
 def test_cell_under_a_strong_cue_is_the_axisymmetric_one():
     cue = am.Cue(strength=0.6)
     p = am.Parameters(D=0.4, v_p0=6.0, delta_P=30.0)
@@ -188,7 +190,11 @@ def test_cell_under_a_strong_cue_is_the_axisymmetric_one():
 
 
 @pytest.mark.parametrize(
-    ("scheme", "subdivisions", "error"), [("semi-implicit", 2, 0.03), ("explicit", 1, 0.17)]
+    ("scheme", "subdivisions", "error"),
+    [
+        ("semi-implicit", 2, 0.03),
+        pytest.param("explicit", 1, 0.17, marks=pytest.mark.slow),
+    ],
 )
 def test_both_schemes_follow_a_cue(scheme, subdivisions, error):
     """The errors are those of 162 and 42 nodes; those of the explicit scheme are 0.05 on 162."""
