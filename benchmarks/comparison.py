@@ -248,7 +248,7 @@ REMARKS = """
 - *Close to the threshold* (points 2, 3, 18) relative errors are larger: the mesh shifts the
   threshold, and the amplitude goes like the square root of the distance to it.
 - *Other axes.* Nothing but the mesh holds the axis of a polarized cell. Off the axes of symmetry of
-  the icosahedron it turns towards nodes of valence five, by up to 2e-4 a unit of time on 642 nodes
+  the icosahedron it turns towards nodes of valence five, by up to 2e-4 per unit time on 642 nodes
   at points 1 and 8. Observables depend a little on the axis: with front and rear at nodes of
   valence five, point 1 has c_rear off by −0.23 % on 642 and −0.08 % on 2562 nodes, c_front by
   +0.25 % and +0.07 %.

@@ -28,7 +28,7 @@ import pyvista  # noqa: E402
 
 from amoeboid.config import Config, Initial, Mesh, Output, Time, resolved  # noqa: E402
 from amoeboid.meshes.connectivity import icosphere  # noqa: E402
-from amoeboid.meshes.geometry import LEAST_QUALITY, area, mesh_quality, node_areas, volume  # noqa: E402
+from amoeboid.meshes.geometry import MIN_QUALITY, area, mesh_quality, node_areas, volume  # noqa: E402
 from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.output.folder import new_run  # noqa: E402
 from amoeboid.simulation.loop import Diverged, Step, evolve, start  # noqa: E402
@@ -43,12 +43,12 @@ LAWS = (
     "v_p0*(1 - tanh(c/c_r))",
     "v_p0*(0.2 + exp(-c/c_r))",
 )
-MOST_STEPS = {"semi-implicit": 80, "explicit": 6}
+MAX_STEPS = {"semi-implicit": 80, "explicit": 6}
 # |A/A0 - 1|; the explicit scheme puts the error of one step right in the next.
 AREA_ERROR = {"semi-implicit": 1e-10, "explicit": 1e-3}
 FILAMENT_ERROR = 1e-10
 # A run that takes so many steps without a thousandth of its time unit makes no progress.
-LEAST_PROGRESS = 1e-3
+MIN_PROGRESS = 1e-3
 
 
 class Broken(AssertionError):
@@ -163,7 +163,7 @@ def check_step(config: Config, step: Step, filaments: float) -> None:
     require(error < AREA_ERROR[scheme], f"area off by {error:.3g}")
     require(volume(state.r, faces) > 0, "the volume is not positive")
     quality = mesh_quality(state.r, faces)
-    require(quality >= LEAST_QUALITY, f"mesh quality {quality:.3g}")
+    require(quality >= MIN_QUALITY, f"mesh quality {quality:.3g}")
     if p.beta == 0 and scheme != "explicit":
         lost = float(node_areas(state.r, faces) @ state.c) / filaments - 1
         require(abs(lost) < FILAMENT_ERROR, f"filaments off by {lost:.3g}")
@@ -200,7 +200,7 @@ def _followed(config: Config, first: Step, folder: Path) -> tuple[str, str, Step
     run, step, message = new_run(folder, config), first, ""
     filaments = float(node_areas(first.state.r, first.model.mesh.faces) @ first.state.c)
     scheme, end = config.time.scheme, resolved(config).time.end
-    enough: Any = lambda s: "enough steps" if s.number >= MOST_STEPS[scheme] else None  # noqa: E731
+    enough: Any = lambda s: "enough steps" if s.number >= MAX_STEPS[scheme] else None  # noqa: E731
     check_step(config, first, filaments)
     run.take(first)
     word = "nothing"
@@ -216,7 +216,7 @@ def _followed(config: Config, first: Step, folder: Path) -> tuple[str, str, Step
         require(len(message) > 20, "a run that diverged without a reason")
     if word == "enough steps" and scheme != "explicit":
         share = step.state.t / min(end, 1.0 / step.model.rate)
-        word = "no progress" if share < LEAST_PROGRESS else word
+        word = "no progress" if share < MIN_PROGRESS else word
         message = f"{share:.3g} of a unit of time, {step.rejected} rejected, dt = {step.dt:.3g}"
     run.save(step)
     run.write_manifest("diverged" if message else "finished")

@@ -102,13 +102,14 @@ FLOAT_NAMES = (
     "history_c",
     "history_scalars",
     "history_position",
-    "history_turning",
+    "history_angular_velocity",
     "flow_vectors",
     "flow_areas",
     "flow_zeta0",
 )
 OTHER_NAMES = (
-    "config", "step", "rest_known", "rest_problem", "faces", "tried_known", "history_turning_known",
+    "config", "step", "rest_known", "rest_problem", "faces", "tried_known",
+    "history_angular_velocity_known",
 )  # fmt: skip
 LAYOUT = [
     (name, change)

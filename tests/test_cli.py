@@ -16,13 +16,13 @@ import pytest
 
 from amoeboid.cli.main import COMMANDS, main
 from amoeboid.cli.run import _stability
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
 from amoeboid.output import folder as store
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
-from amoeboid.theory.linear import growth_rate
 
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
 RUN_KEYS = {
@@ -404,17 +404,17 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         ),
         (
             Rest(0.0, Growth(-0.2, 0.5)),
-            "steady, but its stability is unknown: the growth rate of the fastest disturbance, "
-            "-0.2 per unit of time, is only known to 0.5",
+            "steady, but its stability is unknown: the growth rate of the fastest perturbation, "
+            "-0.2 per unit time, is only known to 0.5",
         ),
         (
             Rest(-200.0, Growth(0.2, 0.01)),
-            "steady, but its stability is unknown: a disturbance should grow at 0.2 per unit of",
+            "steady, but its stability is unknown: a growth rate of 0.2 per unit time is predicted",
         ),
         (None, "not steady: it still changes"),
     ],
 )
-def test_a_run_says_what_becomes_of_small_disturbances(rest, words):
+def test_a_run_reports_the_stability_of_its_last_state(rest, words):
     step = replace(start(Config(mesh=Mesh(subdivisions=1))), rest=rest)
     assert words in _stability(step)
 

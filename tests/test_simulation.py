@@ -13,9 +13,9 @@ from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkp
 from amoeboid.simulation import loop as simulation
 from amoeboid.simulation.loop import Diverged, between, due_times, evolve, start
 from amoeboid.surface import stepping
-from amoeboid.surface.rigid import spin, turning_rate
+from amoeboid.surface.rigid import angular_velocity, rotation
 from amoeboid.surface.stability import Growth, leading_growth_rate
-from amoeboid.surface.steadiness import SLOW_TURNING
+from amoeboid.surface.steadiness import SLOW_ROTATION
 from amoeboid.surface.stepping import (
     difference,
     foreseen,
@@ -84,17 +84,17 @@ def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
     x = state.r - volume_centroid(state.r, model.mesh.faces)
 
     def rate_of(turns, beside=0.0, known=True):
-        v_c = last.flow.v_c + spin(np.array([turns, 0.0, 0.0]) * model.rate, x)
+        v_c = last.flow.v_c + rotation(np.array([turns, 0.0, 0.0]) * model.rate, x)
         v_c = v_c + beside * model.rate * x * x[:, :1] ** 2
         flow = replace(last.flow, v_c=v_c)
-        found = turning_rate(model, state.r, state.c, g, flow.v) if known else None
-        rate, _ = simulation.relative_rate(model, replace(state, turning=found), flow)
+        found = angular_velocity(model, state.r, state.c, g, flow.v) if known else None
+        rate, _ = simulation.relative_rate(model, replace(state, angular_velocity=found), flow)
         return rate / simulation.STEADY
 
-    slow = 0.5 * SLOW_TURNING
+    slow = 0.5 * SLOW_ROTATION
     assert rate_of(slow) < 10.0
     assert rate_of(slow, known=False) > 100.0
-    assert rate_of(2.0 * SLOW_TURNING) > 100.0
+    assert rate_of(2.0 * SLOW_ROTATION) > 100.0
     assert rate_of(slow, beside=1e-3) > 0.5 * rate_of(0.0, beside=1e-3) > 20.0
 
 
@@ -233,7 +233,7 @@ def test_step_lengths_follow_from_the_error_of_a_short_past():
     for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
         assert step.dt == pytest.approx(dt)
         growth = simulation.SAFETY * error ** (-1 / 2)
-        assert simulation.MOST_SHRINKING < growth < simulation.MOST_GROWTH
+        assert simulation.MIN_STEP_FACTOR < growth < simulation.MAX_STEP_FACTOR
         assert step.next_dt == pytest.approx(growth * dt)
 
 
@@ -351,7 +351,7 @@ def test_a_straight_cell_that_is_unstable_is_not_steady_and_turns(monkeypatch):
     directions = headings(steps)
     place = steps.index(known[0])
     assert directions[place] @ directions[place // 2] > 0.999
-    # then the disturbance took it off its way
+    # then the perturbation took it off its way
     assert steps[-1].ended == "end of time"
     assert (directions[place:] @ directions[place]).min() < 0.5
     # without the analysis it ends there
@@ -446,7 +446,7 @@ def test_growth_that_does_not_show_is_not_waited_for_forever(monkeypatch):
     waited = found.index((2.0, True))
     assert found[1:waited] == [(2.0, False)] * (waited - 1)
     assert found[waited:] == [(2.0, True)] * (51 - waited)
-    assert 0.5 * (waited - 1) == pytest.approx(simulation.PATIENCE / 2.0, abs=0.6)
+    assert 0.5 * (waited - 1) == pytest.approx(simulation.MAX_GROWTH_TIMES / 2.0, abs=0.6)
 
 
 def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_again(monkeypatch):
@@ -459,7 +459,7 @@ def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_aga
 
 
 def test_a_cell_whose_front_is_empty_ends_steady():
-    """Where flux correction rules, on too coarse a mesh, little is known of disturbances."""
+    """Where flux correction rules, on too coarse a mesh, little is known of perturbations."""
     config = Config(
         parameters=Parameters(D=0.1, v_p0=3.0, beta=0.0),
         mesh=Mesh(subdivisions=1),

@@ -17,9 +17,9 @@ from statistics import median
 from typing import Any
 
 from amoeboid.meshes.geometry import geometry
-from amoeboid.numerics.sparse.banded import Factor
+from amoeboid.numerics.sparse import Factor
 from amoeboid.observables import observed
-from amoeboid.surface.force_balance import cortex, force_balance
+from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.stepping import semi_implicit_step
 from amoeboid.surface.transport import transported
@@ -44,7 +44,7 @@ observables.
 
 _TIMED: tuple[tuple[str, Callable[..., Any]], ...] = (
     ("geometry", geometry),
-    ("assembly", cortex),
+    ("assembly", factorized_cortex),
     ("assembly", force_balance),
     ("shape", semi_implicit_step),
     ("transport", transported),

@@ -11,6 +11,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from amoeboid.axisymmetric.branches import branch_from_sphere, steady_states
     from amoeboid.axisymmetric.stability import unstable_modes
+    from amoeboid.closed_forms.branch import prediction
+    from amoeboid.closed_forms.linear import growth_rate, thresholds
+    from amoeboid.closed_forms.points import points
+    from amoeboid.closed_forms.response import polarization_by_cue
     from amoeboid.config import (
         Config,
         Initial,
@@ -28,10 +32,6 @@ if TYPE_CHECKING:
     from amoeboid.simulation.loop import Diverged, Step, evolve, start
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
-    from amoeboid.theory.branch import prediction
-    from amoeboid.theory.linear import growth_rate, thresholds
-    from amoeboid.theory.points import points
-    from amoeboid.theory.response import polarization_by_cue
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
@@ -58,19 +58,19 @@ _HOMES = {
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
-    "growth_rate": "theory.linear",
+    "growth_rate": "closed_forms.linear",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
-    "points": "theory.points",
-    "polarization_by_cue": "theory.response",
-    "prediction": "theory.branch",
+    "points": "closed_forms.points",
+    "polarization_by_cue": "closed_forms.response",
+    "prediction": "closed_forms.branch",
     "ramp": "model.changes",
     "smooth": "model.changes",
     "start": "simulation.loop",
     "steady_states": "axisymmetric.branches",
     "steps": "model.changes",
-    "thresholds": "theory.linear",
+    "thresholds": "closed_forms.linear",
     "unstable_modes": "axisymmetric.stability",
 }
 

@@ -115,7 +115,7 @@ class Time:
         "longest step, 0.5/rate; if explicit the step, 1e-5/rate", "T", gt=0
     )
     stop_when_steady: bool = flag(
-        True, "end the run once it is steady: nothing changes, and no disturbance grows"
+        True, "end the run once it is steady: nothing changes, and no perturbation grows"
     )
 
     def __post_init__(self) -> None:

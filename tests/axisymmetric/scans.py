@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import SteadySystem
-from amoeboid.axisymmetric.unknowns import resampled
+from amoeboid.axisymmetric.unknowns import mode_count, resampled
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, follow, parameter_derivative
 
@@ -30,7 +30,7 @@ CELLS = {
 
 def rear(x):
     """c at the pole x = 0, of n modes."""
-    n = (x.size - 3) // 3
+    n = mode_count(x)
     return float(np.sum(x[2 * n - 1 : 3 * n - 1]))
 
 
@@ -64,7 +64,7 @@ class Reference:
         k = int(np.clip(np.searchsorted(self.amplitudes, amplitude), 1, len(self.points) - 1))
         a, b = self.points[k - 1], self.points[k]
         share = (amplitude - self.amplitudes[k - 1]) / np.diff(self.amplitudes)[k - 1]
-        first, second = (resampled(q.x, (q.x.size - 3) // 3, self.modes) for q in (a, b))
+        first, second = (resampled(q.x, mode_count(q.x), self.modes) for q in (a, b))
         x = first + share * (second - first)
         q = np.array([a.parameter + share * (b.parameter - a.parameter)])
         for _ in range(12):

@@ -13,14 +13,14 @@ from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.states import _without_speed
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
-from amoeboid.axisymmetric.unknowns import split
+from amoeboid.axisymmetric.unknowns import mode_count, split
+from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.linear import critical_speed, finite_pressure_matrix, growth_rate
+from amoeboid.closed_forms.points import infinite_pressure
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
-from amoeboid.theory.amplitude import cubic_coefficient
-from amoeboid.theory.linear import critical_speed, finite_pressure_matrix, growth_rate
-from amoeboid.theory.points import infinite_pressure
 from amoeboid.validation import InvalidInput
 
 STEPS = Options(parameter_scale=5.0, max_step=0.2)
@@ -147,7 +147,7 @@ def onset_slope(p):
     squares, slopes = [], []
     for distance in np.linspace(0.05, 0.15, 6):
         point = at_distance(start, distance, options)
-        a = first_harmonic(point.x, (point.x.size - 3) // 3)
+        a = first_harmonic(point.x, mode_count(point.x))
         squares.append(a**2)
         slopes.append((point.parameter - threshold) / a**2)
     return np.polyfit(squares, slopes, 4)[-1]

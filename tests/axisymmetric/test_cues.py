@@ -7,9 +7,9 @@ from amoeboid.axisymmetric.branches import branch_from_state
 from amoeboid.axisymmetric.evolution import Dynamics, perturbed_sphere, polished, settled
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, steady_state, strong_residual
+from amoeboid.closed_forms.response import polarization_by_cue
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import Parameters
-from amoeboid.theory.response import polarization_by_cue
 from amoeboid.validation import InvalidInput
 
 BELOW = Parameters(v_p0=3.0)

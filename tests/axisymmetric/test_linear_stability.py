@@ -14,13 +14,13 @@ from amoeboid.axisymmetric.stability import (
     unstable_modes,
 )
 from amoeboid.axisymmetric.steady import homogeneous
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     critical_speed,
     finite_pressure_matrix,
     finite_pressure_rates,
     growth_rate,
 )
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 SPHERES = [

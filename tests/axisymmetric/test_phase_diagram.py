@@ -16,10 +16,10 @@ from amoeboid.axisymmetric.phase_diagram import (
     phase_diagram,
 )
 from amoeboid.axisymmetric.stability import unstable_modes
+from amoeboid.closed_forms.linear import critical_pressure, critical_speed
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import continuation
 from amoeboid.numerics.continuation import Options
-from amoeboid.theory.linear import critical_pressure, critical_speed
 from amoeboid.validation import InvalidInput
 
 

@@ -5,8 +5,8 @@ import pytest
 
 from amoeboid.axisymmetric.force_balance import Stress, forces, stress
 from amoeboid.axisymmetric.unknowns import fields_of
+from amoeboid.closed_forms.active_stress import Meridian, principal_active_stresses
 from amoeboid.model.parameters import Parameters
-from amoeboid.theory.active_stress import Meridian, principal_active_stresses
 from cross.spectral import polarized
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.active_stress import Meridian, active_stress, principal_curvatures
 from amoeboid.meshes.geometry import geometry
 from amoeboid.meshes.operators import block_matrix
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.theory.active_stress import Meridian, active_stress, principal_curvatures
 from surface.shapes import observed_orders, sphere
 
 ETA_S, ETA_B = 1.3, 0.45

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.closed_forms.flow import Harmonics, max_retrograde_speed, rho_2, sphere_velocities
+from amoeboid.closed_forms.linear import base_tension, critical_speed
 from amoeboid.model.parameters import Parameters
-from amoeboid.theory.flow import Harmonics, max_retrograde_speed, rho_2, sphere_velocities
-from amoeboid.theory.linear import base_tension, critical_speed
 
 
 def slightly_polarized(p, above):

@@ -7,12 +7,13 @@ import pytest
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
 from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.axisymmetric.unknowns import mode_count
+from amoeboid.closed_forms.amplitude import at_threshold, bifurcation, cubic_coefficient
+from amoeboid.closed_forms.branch import branch, prediction
+from amoeboid.closed_forms.linear import critical_speed
+from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, follow
-from amoeboid.theory.amplitude import at_threshold, bifurcation, cubic_coefficient
-from amoeboid.theory.branch import branch, prediction
-from amoeboid.theory.linear import critical_speed
-from amoeboid.theory.points import points
 from cross.scripts import script
 from cross.spectral import polarized
 from theory.sample_points import OWN_LAW
@@ -45,7 +46,7 @@ def test_the_theory_becomes_exact_at_the_threshold():
 
 
 def state_at(point, p):
-    n = (point.x.size - 3) // 3
+    n = mode_count(point.x)
     return SteadyState(p.replace(v_p0=point.parameter), n, point.x, True, ())
 
 

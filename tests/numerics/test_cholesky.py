@@ -14,9 +14,7 @@ from scipy.sparse.linalg import splu
 
 from amoeboid.meshes.geometry import geometry
 from amoeboid.meshes.operators import normal_blocks, stiffness
-from amoeboid.numerics.sparse import cholesky
-from amoeboid.numerics.sparse.banded import SingularMatrix
-from amoeboid.numerics.sparse.cholesky import BlockCholesky
+from amoeboid.numerics.sparse import SingularMatrix, SparseCholesky, cholesky
 from amoeboid.numerics.sparse.dissection import dissected
 from amoeboid.surface.dissipation import dissipation_blocks
 from surface.shapes import (
@@ -68,7 +66,7 @@ def sparse(mesh, blocks):
 
 
 def solver(mesh):
-    return BlockCholesky(mesh.row_start, mesh.columns)
+    return SparseCholesky(mesh.row_start, mesh.columns)
 
 
 @EVERY
@@ -94,7 +92,7 @@ def test_the_solution_does_not_depend_on_the_size_of_pieces(most, monkeypatch):
     blocks = random_matrix(mesh)
     b = np.random.default_rng(0).normal(size=3 * len(r))
     exact = solver(mesh).factor(blocks).solve(b)
-    monkeypatch.setattr(cholesky, "MOST", most)
+    monkeypatch.setattr(cholesky, "MAX_UNDIVIDED", most)
     x = solver(mesh).factor(blocks).solve(b)
     np.testing.assert_allclose(x, exact, atol=1e-14 * np.abs(exact).max() * len(r))
 
@@ -229,7 +227,7 @@ from amoeboid.meshes.connectivity import connectivity, icosphere
 import numpy as np
 mesh = connectivity(icosphere(1)[1])
 blocks = np.einsum("p,ij->pij", 20.0 * (mesh.rows == mesh.columns) - 1.0, np.eye(3))
-factor = cholesky.BlockCholesky(mesh.row_start, mesh.columns).factor(blocks)
+factor = cholesky.SparseCholesky(mesh.row_start, mesh.columns).factor(blocks)
 x = factor.solve(np.ones(3 * mesh.n_nodes))
 assert np.allclose(factor.solve(np.ones((3 * mesh.n_nodes, 2)))[:, 1], x, rtol=0, atol=0)
 stats = [k.stats for k in (cholesky._factorized, cholesky._forward, dissection._dissected)]

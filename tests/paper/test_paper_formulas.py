@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import cubic_coefficient
-from amoeboid.theory.branch import flow_speed_at_threshold, steady_amplitude
-from amoeboid.theory.coupling import cubic_equations
-from amoeboid.theory.dimensionless import dimensionless_cubic_coefficient
-from amoeboid.theory.flow import (
+from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.branch import flow_speed_at_threshold, steady_amplitude
+from amoeboid.closed_forms.coupling import cubic_equations
+from amoeboid.closed_forms.dimensionless import dimensionless_cubic_coefficient
+from amoeboid.closed_forms.flow import (
     Harmonics,
     flow_profile,
     rho_2_at_high_pressure,
     sphere_velocities,
 )
-from amoeboid.theory.linear import base_tension, critical_speed, growth_rate
-from amoeboid.theory.phase_boundary import phase_boundary
-from amoeboid.theory.points import infinite_pressure
+from amoeboid.closed_forms.linear import base_tension, critical_speed, growth_rate
+from amoeboid.closed_forms.phase_boundary import phase_boundary
+from amoeboid.closed_forms.points import infinite_pressure
+from amoeboid.model.parameters import Parameters
 
 ERRATA = (Path(__file__).parents[2] / "docs" / "errata.md").read_text(encoding="utf-8")
 RNG = np.random.default_rng(11)

@@ -12,15 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.amplitude import bifurcation, cubic_coefficient
+from amoeboid.closed_forms.branch import next_steady_amplitude, prediction
+from amoeboid.closed_forms.dimensionless import dimensionless, viscosity_ratio
+from amoeboid.closed_forms.linear import critical_speed, finite_pressure_rates, thresholds
+from amoeboid.closed_forms.monomers import ExponentialDecay, monomer_ratio, speed_coefficients
+from amoeboid.closed_forms.points import infinite_pressure
 from amoeboid.config import Config, Mesh, figure_3d, resolved
 from amoeboid.model.parameters import PAPER_CELL, Parameters
 from amoeboid.model.units import in_unit, magnitude
-from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
-from amoeboid.theory.branch import next_steady_amplitude, prediction
-from amoeboid.theory.dimensionless import dimensionless, viscosity_ratio
-from amoeboid.theory.linear import critical_speed, finite_pressure_rates, thresholds
-from amoeboid.theory.monomers import ExponentialDecay, monomer_ratio, speed_coefficients
-from amoeboid.theory.points import infinite_pressure
 
 ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"
 TABLE = Parameters()

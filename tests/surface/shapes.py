@@ -4,7 +4,7 @@ import numpy as np
 
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, face_vectors
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters
 from amoeboid.surface.model import Model
 from amoeboid.surface.remeshing import remeshed
@@ -25,7 +25,7 @@ OCTAHEDRON = [
 
 def sphere(subdivisions):
     """Even icosphere on the unit sphere: nodes, connectivity."""
-    r, faces = even_icosphere(subdivisions)
+    r, faces = uniform_icosphere(subdivisions)
     return r, connectivity(faces)
 
 

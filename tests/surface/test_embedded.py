@@ -8,7 +8,7 @@ import pytest
 
 from amoeboid.config import Config, Mesh, Time
 from amoeboid.meshes import intersections
-from amoeboid.meshes.geometry import LEAST_QUALITY, volume_centroid
+from amoeboid.meshes.geometry import MIN_QUALITY, volume_centroid
 from amoeboid.meshes.intersections import embedded, intersecting_pair
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import mesh_quality, reduced_volume
@@ -92,7 +92,7 @@ def test_a_run_follows_the_instability_until_parts_of_the_cell_meet(contact):
     assert reduced_volume(last.model, last.state, last.flow) < 0.65
     for step in steps:
         assert intersecting_pair(step.state.r, step.model.mesh.faces) is None
-        assert mesh_quality(step.model, step.state, step.flow) > LEAST_QUALITY
+        assert mesh_quality(step.model, step.state, step.flow) > MIN_QUALITY
     # the end is that of the surface, not of a step that was too long
     assert last.dt < 1e-3
 

@@ -284,6 +284,6 @@ def test_a_violent_step_that_loses_the_area_is_refused():
 
 def test_conjugate_gradients_that_do_not_settle_are_reported(monkeypatch):
     model, begin = polarizing(SOFT, 1)
-    monkeypatch.setattr(explicit, "MOST_ITERATIONS", 3)
+    monkeypatch.setattr(explicit, "MAX_ITERATIONS", 3)
     with pytest.raises(StepFailed, match="conjugate gradients"):
         explicit_step(model, begin, 1e-4)

@@ -22,7 +22,7 @@ from amoeboid.meshes.operators import (
     scalar_matrix,
     stiffness,
 )
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from surface.shapes import lumpy, observed_orders, sphere, volume_gradient
 
 
@@ -84,7 +84,7 @@ def test_dual_areas_are_the_curvature_of_area_on_any_mesh_of_a_sphere():
     """dA/dr.n = 2/R dual area, obtuse triangles and all; areas sum to the area."""
     rng = np.random.default_rng(2)
     for radius in (1.0, 3.0):
-        r, faces = even_icosphere(3)
+        r, faces = uniform_icosphere(3)
         r = r + 0.6 * np.sqrt(4 * np.pi / len(r)) * rng.uniform(-0.5, 0.5, r.shape)
         r *= radius / np.linalg.norm(r, axis=1, keepdims=True)
         g = geometry(r, faces)

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate
 from amoeboid.meshes.geometry import geometry
 from amoeboid.model.parameters import Parameters
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
-from amoeboid.theory.linear import finite_pressure_rates, growth_rate
 from surface.shapes import observed_orders
 
 AMPLITUDE = 1e-4

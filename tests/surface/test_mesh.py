@@ -3,7 +3,7 @@ import pytest
 
 from amoeboid.meshes.connectivity import connectivity, icosphere
 from amoeboid.meshes.geometry import geometry, volume
-from amoeboid.meshes.relaxation import _settled, even_icosphere, relaxation
+from amoeboid.meshes.relaxation import _relaxed, relaxation, uniform_icosphere
 from amoeboid.validation import InvalidInput
 from surface.shapes import sphere
 
@@ -71,12 +71,12 @@ def test_even_mesh_is_at_rest_and_well_shaped(subdivisions):
 @pytest.mark.parametrize("subdivisions", [0, 1, 3, 4])
 def test_even_mesh_is_the_icosphere_relaxed(subdivisions):
     """The way over coarser meshes leads where the icosphere itself goes, node by node."""
-    r, faces = even_icosphere(subdivisions)
+    r, faces = uniform_icosphere(subdivisions)
     start, expected_faces = icosphere(subdivisions)
     assert np.array_equal(faces, expected_faces)
-    expected = _settled(start, faces, 1e-12)
+    expected = _relaxed(start, faces, 1e-12)
     np.testing.assert_allclose(r, expected, atol=2e-9)
-    again, _ = even_icosphere(subdivisions)
+    again, _ = uniform_icosphere(subdivisions)
     assert np.array_equal(r, again)
 
 

@@ -155,7 +155,7 @@ def test_a_step_makes_a_new_factorization_where_the_old_one_does_not_do(monkeypa
     state = State(0.0, r, 3 + 0.5 * n[:, 2] + 0.3 * n[:, 0], 5.5, np.zeros(3))
     model = Model(p, mesh)
     semi_implicit_step(model, (state,), 5e-5)
-    monkeypatch.setattr(stepping, "PATIENCE", stepping.MOST_PASSES)
+    monkeypatch.setattr(stepping, "MAX_REUSES", stepping.MAX_ITERATIONS)
     with pytest.raises(StepFailed):
         semi_implicit_step(model, (state,), 5e-5)
 

@@ -20,7 +20,7 @@ from amoeboid.meshes.geometry import (
     volume_centroid,
 )
 from amoeboid.meshes.remeshing import EDGE_CHANGE, TOO_LONG, distortion, swept, transferred
-from amoeboid.meshes.topology import LONGEST, SHORTEST, collapses, edges, flips, splits
+from amoeboid.meshes.topology import MAX_LENGTH, MIN_LENGTH, collapses, edges, flips, splits
 from amoeboid.model.parameters import Parameters
 from amoeboid.simulation import loop as simulation
 from amoeboid.simulation.loop import Step, evolve, start
@@ -37,7 +37,7 @@ SOFT = Parameters(D=0.4, v_p0=6.0, delta_P=3.0)
 
 def carried(state, faces, change):
     r, c = transferred(state.r, state.c, faces, change)
-    return replace(state, r=r, c=c, turning=None)
+    return replace(state, r=r, c=c, angular_velocity=None)
 
 
 def stretched(factor, subdivisions=2, seed=0):
@@ -72,7 +72,7 @@ def test_a_mesh_is_changed_late_and_then_thoroughly():
     r = rest.r * [2.0, 1.0, 1.0]
     r *= np.sqrt(model.A0 / area(r, model.mesh.faces))
     lengths = edges(r, model.mesh.faces).length / model.edge_length
-    assert LONGEST < lengths.max() < TOO_LONG
+    assert MAX_LENGTH < lengths.max() < TOO_LONG
     model_kept, _ = remeshed(model, replace(rest, r=r))
     assert model_kept is model
     r *= [1.5, 1.0, 1.0]
@@ -80,7 +80,7 @@ def test_a_mesh_is_changed_late_and_then_thoroughly():
     assert edges(r, model.mesh.faces).length.max() / model.edge_length > TOO_LONG
     new, state = remeshed(model, replace(rest, r=r))
     assert new is not model
-    assert edge_lengths(new, state).max() < 1.1 * LONGEST
+    assert edge_lengths(new, state).max() < 1.1 * MAX_LENGTH
 
 
 @settings(max_examples=10)
@@ -91,9 +91,9 @@ def test_a_stretched_mesh_is_put_in_order_and_keeps_what_it_carries(factor, seed
     assert new is not model
     connectivity(new.mesh.faces)  # closed, oriented, one piece
     lengths, old_lengths = edge_lengths(new, now), edge_lengths(model, state)
-    assert np.mean(lengths > LONGEST) < 0.01 + 0.1 * np.mean(old_lengths > LONGEST)
+    assert np.mean(lengths > MAX_LENGTH) < 0.01 + 0.1 * np.mean(old_lengths > MAX_LENGTH)
     # where the surface is strongly bent a collapse would flatten it, and is left out
-    assert np.mean(lengths < SHORTEST) < 0.02 + 0.1 * np.mean(old_lengths < SHORTEST)
+    assert np.mean(lengths < MIN_LENGTH) < 0.02 + 0.1 * np.mean(old_lengths < MIN_LENGTH)
     old_quality = mesh_quality(state.r, model.mesh.faces)
     assert mesh_quality(now.r, new.mesh.faces) > min(0.99 * old_quality, 0.6)
     assert abs(len(now.c) / len(state.c) - 1) < 0.5
@@ -109,8 +109,10 @@ def test_flips_make_room_for_the_collapses_that_were_refused():
         model, state = stretched(2.2, seed=seed)
         new, now = remeshed(model, state)
         lengths = edge_lengths(new, now)
-        print(seed, np.mean(lengths < SHORTEST), distortion(now.r, new.mesh.faces, new.edge_length))
-        assert np.mean(lengths < SHORTEST) < 0.01
+        print(
+            seed, np.mean(lengths < MIN_LENGTH), distortion(now.r, new.mesh.faces, new.edge_length)
+        )
+        assert np.mean(lengths < MIN_LENGTH) < 0.01
         assert distortion(now.r, new.mesh.faces, new.edge_length) < 0.9
 
 
@@ -274,7 +276,7 @@ def test_a_neck_of_three_nodes_is_not_pinched_off():
         faces += [(len(r) - 1, top + i, top + (i + 1) % 3)]
     mesh = connectivity(np.array(faces))
     assert volume(r, mesh.faces) > 0
-    assert edges(r, mesh.faces).length.min() < SHORTEST * 0.3
+    assert edges(r, mesh.faces).length.min() < MIN_LENGTH * 0.3
     assert collapses(r, mesh.faces, 0.3) is None
 
 
@@ -319,11 +321,11 @@ def test_an_attempt_in_vain_is_remembered_until_an_edge_has_changed(monkeypatch)
     """A mesh that nothing mends is tried once, not at every step."""
     attempts = []
 
-    def in_vain(model, state):
+    def unsuccessful(model, state):
         attempts.append(state.r)
         return model, state
 
-    monkeypatch.setattr(simulation, "remeshed", in_vain)
+    monkeypatch.setattr(simulation, "remeshed", unsuccessful)
     model, state = needle(2, 4.0)
     flow = flow_of(model, state, 1e-4)
     step = Step(0, model, (state,), flow, 1e-5, 0, 1.0)

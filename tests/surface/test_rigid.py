@@ -8,13 +8,13 @@ from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.rigid import (
+    angular_velocity,
     changes,
     gradient,
+    rotated,
+    rotation,
     rotations,
-    spin,
     translations,
-    turned,
-    turning_rate,
 )
 from surface.shapes import observed_orders
 
@@ -65,13 +65,13 @@ def lopsided():
 
 
 def rate_of(model, r, c, v):
-    return turning_rate(model, r, c, geometry(r, model.mesh.faces), v)
+    return angular_velocity(model, r, c, geometry(r, model.mesh.faces), v)
 
 
 def test_a_cell_that_is_turned_in_addition_turns_by_that_faster():
     model, r, c, v = lopsided()
     more = np.array([0.2, -0.5, 0.3])
-    faster = v + spin(more, r - volume_centroid(r, model.mesh.faces))
+    faster = v + rotation(more, r - volume_centroid(r, model.mesh.faces))
     found = rate_of(model, r, c, faster) - rate_of(model, r, c, v)
     np.testing.assert_allclose(found, more, rtol=1e-2)
 
@@ -79,22 +79,22 @@ def test_a_cell_that_is_turned_in_addition_turns_by_that_faster():
 def test_the_rate_of_turning_turns_with_the_cell():
     model, r, c, v = lopsided()
     angle = np.array([0.4, 1.1, -0.7])
-    found = rate_of(model, turned(r, angle, 1.0), c, turned(v, angle, 1.0))
-    expected = turned(rate_of(model, r, c, v)[None], angle, 1.0)[0]
+    found = rate_of(model, rotated(r, angle, 1.0), c, rotated(v, angle, 1.0))
+    expected = rotated(rate_of(model, r, c, v)[None], angle, 1.0)[0]
     assert np.linalg.norm(expected) > 0.05
     np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_a_homogeneous_sphere_does_not_turn():
     model, state = sphere(Parameters(), 2)
-    found = rate_of(model, state.r, state.c, spin(np.array([0.0, 0.0, 1.0]), state.r))
+    found = rate_of(model, state.r, state.c, rotation(np.array([0.0, 0.0, 1.0]), state.r))
     assert np.linalg.norm(found) < 0.05
 
 
 def test_points_turn_at_their_velocities():
     x, rate, short = icosphere(1)[0], np.array([0.3, -0.2, 0.5]), 1e-6
-    moved = (turned(x, rate, short) - turned(x, rate, -short)) / (2.0 * short)
-    np.testing.assert_allclose(moved, spin(rate, x), atol=1e-9)
-    np.testing.assert_allclose(np.linalg.norm(turned(x, rate, 7.0), axis=1), 1.0, atol=1e-14)
+    moved = (rotated(x, rate, short) - rotated(x, rate, -short)) / (2.0 * short)
+    np.testing.assert_allclose(moved, rotation(rate, x), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(rotated(x, rate, 7.0), axis=1), 1.0, atol=1e-14)
     whole = 2.0 * np.pi / np.linalg.norm(rate)
-    np.testing.assert_allclose(turned(x, rate, whole), x, atol=1e-14)
+    np.testing.assert_allclose(rotated(x, rate, whole), x, atol=1e-14)

@@ -6,13 +6,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, geometry, mesh_quality, volume_centroid
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.iterations import Iteration
 from amoeboid.numerics.multistep import extrapolated
-from amoeboid.numerics.passes import Pass
 from amoeboid.observables import filament_number, observed
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping
@@ -23,13 +24,12 @@ from amoeboid.surface.state import State
 from amoeboid.surface.stepping import (
     StepFailed,
     difference,
-    foreseen,
+    extrapolation,
     local_error,
     semi_implicit_step,
     starting_step,
 )
 from amoeboid.surface.transport import rate_of_change
-from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 from surface.orders import in_short_steps, measured_orders
 
@@ -56,7 +56,7 @@ unit_vectors = st.tuples(*[st.floats(-1, 1)] * 3).filter(lambda v: np.linalg.nor
 @settings(max_examples=8)
 @given(axis=unit_vectors, angle=st.floats(0.1, 3.0))
 def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
-    """The whole method, mesh included, turns with the cell: the same numbers to rounding."""
+    """The whole method, mesh included, omega with the cell: the same numbers to rounding."""
     model, rest = sphere(POLARIZED, 1)
     state = perturbed(model, rest, Initial(perturbation=1.0, direction=(0.2, 0.5, -0.7)))
     turn = rotation_matrix(axis, angle)
@@ -84,7 +84,7 @@ def test_polarization_along_any_direction_gives_the_same_numbers(direction):
         x = last.state.r - volume_centroid(last.state.r, model.mesh.faces)
         axis = (last.flow.node_areas * last.state.c) @ x
         heading = axis @ np.array(along) / np.linalg.norm(axis) / np.linalg.norm(along)
-        # 162 nodes turn the axis by up to 6e-4 a unit of time, a quarter of that on 642
+        # 162 nodes turn the axis by up to 6e-4 per unit time, a quarter of that on 642
         assert heading > 1 - 1e-3
         assert -last.state.position @ axis / np.linalg.norm(axis) > 0.999 * np.linalg.norm(
             last.state.position
@@ -142,25 +142,25 @@ def test_area_and_without_turnover_filaments_are_kept_over_a_whole_run(
 
 
 def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
-    """A disturbed mesh drifts back so fast that no filament moves: c at a place must stay."""
+    """A distorted mesh drifts back so fast that no filament moves: c at a place must stay."""
     monkeypatch.setattr(stepping, "MESH_RELAXATION", 1e5)
     p = Parameters(beta=0, D=0, v_p0=0.1, law="v_p0 + 0*c")
     ratios = []
     for subdivisions in (2, 3, 4):
-        r, faces = even_icosphere(subdivisions)
+        r, faces = uniform_icosphere(subdivisions)
         x, y, z = r.T
-        disturbed = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
-        disturbed /= np.linalg.norm(disturbed, axis=1, keepdims=True)
+        distorted = r + 0.1 * np.column_stack([y * z, np.sin(2 * x), x * y])
+        distorted /= np.linalg.norm(distorted, axis=1, keepdims=True)
         model = Model(p, connectivity(faces))
-        disturbed *= np.sqrt(model.A0 / area(disturbed, faces))
+        distorted *= np.sqrt(model.A0 / area(distorted, faces))
 
         def field(x):
             return 3 + x[:, 2] + 0.5 * x[:, 0] * x[:, 1]
 
-        state = State(0.0, disturbed, field(disturbed), float(base_tension(p)), np.zeros(3))
+        state = State(0.0, distorted, field(distorted), float(base_tension(p)), np.zeros(3))
         for _ in range(40):
             state, *_ = semi_implicit_step(model, (state,), 5e-6 / model.rate)
-        left_behind = np.sqrt(np.mean((field(state.r) - field(disturbed)) ** 2))
+        left_behind = np.sqrt(np.mean((field(state.r) - field(distorted)) ** 2))
         error = np.sqrt(np.mean((state.c - field(state.r)) ** 2))
         ratios.append(error / left_behind)
         print(left_behind, error)
@@ -169,7 +169,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
 
 
 def test_an_oblique_soft_cell_comes_to_rest_although_its_mesh_turns_it():
-    """No force holds the axis: the mesh turns it, at a rate that never falls below STEADY."""
+    """No force holds the axis: the mesh omega it, at a rate that never falls below STEADY."""
     config = Config(
         parameters=replace(POLARIZED, delta_P=11.0),
         mesh=Mesh(subdivisions=2),
@@ -284,7 +284,7 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
     history = (first, begin)
     found, flow, _ = semi_implicit_step(model, history, 0.1)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-7)
-    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    monkeypatch.setattr(stepping, "MAX_ITERATIONS", 60)
     solved, *_ = semi_implicit_step(model, history, 0.1)
     times = [s.t for s in history]
     ahead = [extrapolated(times, [getattr(s, x) for s in history], found.t) for x in ("r", "c")]
@@ -301,10 +301,10 @@ def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
         state, *_ = semi_implicit_step(model, history, 0.02, tolerance=1e-9)
         history = (state, *history[:2])
     found, flow, _ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
-    expected = foreseen(history, found.t)
+    expected = extrapolation(history, found.t)
     error = local_error(model, expected, (found.r, found.c), flow.normals)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-9)
-    monkeypatch.setattr(stepping, "MOST_PASSES", 60)
+    monkeypatch.setattr(stepping, "MAX_ITERATIONS", 60)
     solved, *_ = semi_implicit_step(model, history, 0.02, tolerance=0.0)
     left = difference(model, (solved.r, solved.c), (found.r, found.c), flow.normals)
     print(left, error)
@@ -328,14 +328,14 @@ def test_passes_that_do_not_settle_are_no_step():
     def passes(*changes):
         # each begins where the one before ended
         ends = np.concatenate([[0.0], np.cumsum(changes)])
-        return [Pass(np.array([a]), np.array([b])) for a, b in pairwise(ends)]
+        return [Iteration(np.array([a]), np.array([b])) for a, b in pairwise(ends)]
 
     assert not stepping._converged(passes(1.0), 1.0)
     assert stepping._converged(passes(1.0, 0.1), 1.0)
     assert not stepping._converged(passes(1.0, 0.5), 1.0)
     assert not stepping._converged(passes(1.0, 0.1), 1e-3)
     with pytest.raises(StepFailed, match="do not converge"):
-        stepping._converged(passes(*[1.0] * stepping.MOST_PASSES), 1.0)
+        stepping._converged(passes(*[1.0] * stepping.MAX_ITERATIONS), 1.0)
     for broken in (np.nan, np.inf):
         with pytest.raises(StepFailed, match="not finite"):
             stepping._converged(passes(1.0, broken), 1.0)
@@ -397,12 +397,12 @@ def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
     begin = perturbed(model, rest, Initial(perturbation=2.99))
     seen, balance = [], stepping.force_balance
 
-    def watched(model, near, r, g, c, *rest):
+    def watched(model, factorized, r, g, c, *rest):
         seen.append(c.min())
-        return balance(model, near, r, g, c, *rest)
+        return balance(model, factorized, r, g, c, *rest)
 
     monkeypatch.setattr(stepping, "force_balance", watched)
-    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 1e3)
+    monkeypatch.setattr(stepping, "anderson_step", lambda before, last: 1e3)
     with pytest.raises(ArithmeticError):
         semi_implicit_step(model, (begin,), 0.3)
     assert len(seen) > 2
@@ -433,7 +433,7 @@ def test_overshoots_save_passes(monkeypatch):
     monkeypatch.setattr(stepping, "_converged", counted)
     monkeypatch.setattr(stepping, "CONVERGED", 1e-5)
     few, end = passes()
-    monkeypatch.setattr(stepping, "overshoot", lambda before, last: 0.0)
+    monkeypatch.setattr(stepping, "anderson_step", lambda before, last: 0.0)
     many, same = passes()
     print(few, many)
     assert few < 0.85 * many

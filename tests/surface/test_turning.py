@@ -64,7 +64,7 @@ def test_a_circling_cell_rests_on_its_nodes_and_its_steps_add_no_error():
     about = [
         state.r - volume_centroid(state.r, last[-1].model.mesh.faces) for state in (before, now)
     ]
-    angle = np.linalg.norm(now.turning) * (now.t - before.t)
+    angle = np.linalg.norm(now.angular_velocity) * (now.t - before.t)
     assert abs(angle / (turning * (now.t - before.t)) - 1.0) < 0.05
     farthest = np.linalg.norm(about[1] - about[0], axis=1).max()
     assert abs(farthest / (2.0 * np.sin(0.5 * angle)) - 1.0) < 0.1
@@ -79,7 +79,7 @@ def test_nodes_do_not_turn_with_a_straight_cell():
     p = replace(CIRCLES, v_p0=6.5, delta_P=300.0)
     config = Config(parameters=p, mesh=Mesh(subdivisions=2), time=Time(end=8.0))
     *_, last = evolve(start(config), config.time)
-    assert np.linalg.norm(last.state.turning) < 1e-8
+    assert np.linalg.norm(last.state.angular_velocity) < 1e-8
 
 
 @pytest.mark.slow
@@ -107,8 +107,8 @@ def bending_rate(subdivisions, axis, dt=0.1, begin=3.0, end=6.0):
     pattern = x[:, 1 - axis] / np.linalg.norm(x, axis=1) * np.exp(x[:, 2])
     runs = []
     for sign in (1, -1):
-        disturbed = replace(state, c=state.c * (1.0 + sign * 1e-3 * pattern))
-        runs.append(((disturbed,), flow_of(model, disturbed, 1e-2)))
+        perturbed_state = replace(state, c=state.c * (1.0 + sign * 1e-3 * pattern))
+        runs.append(((perturbed_state,), flow_of(model, perturbed_state, 1e-2)))
     turning = {}
     for k in range(1, round(end / dt) + 1):
         new = []
@@ -116,7 +116,7 @@ def bending_rate(subdivisions, axis, dt=0.1, begin=3.0, end=6.0):
             after, flow, _ = semi_implicit_step(model, past, dt, flow, 1e-5)
             new.append(((after, *past[:2]), flow))
         runs = new
-        turning[k] = 0.5 * (runs[0][0][0].turning - runs[1][0][0].turning)[axis]
+        turning[k] = 0.5 * (runs[0][0][0].angular_velocity - runs[1][0][0].angular_velocity)[axis]
     first, middle, last = (round(t / dt) for t in (begin, 0.5 * (begin + end), end))
     # beside the growing mode the mesh leaves a constant
     ratio = (turning[last] - turning[middle]) / (turning[middle] - turning[first])

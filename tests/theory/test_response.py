@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.linear import critical_speed
+from amoeboid.closed_forms.points import points
+from amoeboid.closed_forms.response import polarization_by_cue
 from amoeboid.model.parameters import Parameters
-from amoeboid.theory.linear import critical_speed
-from amoeboid.theory.points import points
-from amoeboid.theory.response import polarization_by_cue
 from amoeboid.validation import InvalidInput
 
 

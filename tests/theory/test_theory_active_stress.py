@@ -5,7 +5,7 @@ import pytest
 import sympy as sp
 
 import theory.shell_equations as model
-from amoeboid.theory.active_stress import (
+from amoeboid.closed_forms.active_stress import (
     Meridian,
     active_stress,
     principal_active_stresses,

@@ -9,15 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import theory.shell_equations as model
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import (
+from amoeboid.closed_forms.amplitude import (
     bifurcation,
     cubic_coefficient,
     cubic_coefficient_at_speed,
     eliminated,
     normal_form_at_infinite_pressure,
 )
-from amoeboid.theory.branch import (
+from amoeboid.closed_forms.branch import (
     branch,
     flow_speed,
     flow_speed_at_threshold,
@@ -27,12 +26,13 @@ from amoeboid.theory.branch import (
     steady_amplitude,
     trusted_distance,
 )
-from amoeboid.theory.coupling import cubic_equations, fifth_order
-from amoeboid.theory.flow import max_retrograde_speed
-from amoeboid.theory.linear import critical_speed, growth_rate
-from amoeboid.theory.phase_boundary import phase_boundary
-from amoeboid.theory.points import infinite_pressure, points
-from amoeboid.theory.summary import summary
+from amoeboid.closed_forms.coupling import cubic_equations, fifth_order
+from amoeboid.closed_forms.flow import max_retrograde_speed
+from amoeboid.closed_forms.linear import critical_speed, growth_rate
+from amoeboid.closed_forms.phase_boundary import phase_boundary
+from amoeboid.closed_forms.points import infinite_pressure, points
+from amoeboid.closed_forms.summary import summary
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.rigid_sphere import RigidSphere, normal_form_coefficients, rigid_sphere, steady_state
 from theory.sample_points import LAWS, OWN_LAW, sample_points, symbol_values

@@ -7,8 +7,8 @@ import sys
 import pytest
 
 from amoeboid.cli.main import main
+from amoeboid.closed_forms.linear import critical_speed, thresholds
 from amoeboid.model.parameters import Parameters
-from amoeboid.theory.linear import critical_speed, thresholds
 
 CONTRACT = {
     "v_p_critical",

@@ -1,14 +1,14 @@
 import pytest
 import sympy as sp
 
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import bifurcation, cubic_coefficient
-from amoeboid.theory.dimensionless import (
+from amoeboid.closed_forms.amplitude import bifurcation, cubic_coefficient
+from amoeboid.closed_forms.dimensionless import (
     dimensionless,
     dimensionless_cubic_coefficient,
     viscosity_ratio,
 )
-from amoeboid.theory.points import infinite_pressure, points
+from amoeboid.closed_forms.points import infinite_pressure, points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.sample_points import sample_points
 

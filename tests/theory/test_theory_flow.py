@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.flow import (
+from amoeboid.closed_forms.flow import (
     Harmonics,
     flow_potential,
     flow_profile,
@@ -13,8 +12,9 @@ from amoeboid.theory.flow import (
     rho_2_at_high_pressure,
     sphere_velocities,
 )
-from amoeboid.theory.linear import driving_slope, finite_pressure_matrix
-from amoeboid.theory.points import points
+from amoeboid.closed_forms.linear import driving_slope, finite_pressure_matrix
+from amoeboid.closed_forms.points import points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.rigid_sphere import rigid_sphere
 from theory.sample_points import sample_points

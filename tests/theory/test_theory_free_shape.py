@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import (
+from amoeboid.closed_forms.amplitude import (
     at_threshold,
     bifurcation,
     cubic_coefficient,
@@ -12,10 +11,10 @@ from amoeboid.theory.amplitude import (
     normal_form_at_infinite_pressure,
     second_harmonic,
 )
-from amoeboid.theory.branch import branch, harmonics, prediction
-from amoeboid.theory.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
-from amoeboid.theory.flow import Harmonics, flow_modes, flow_potential, flow_profile, rho_2
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.branch import branch, harmonics, prediction
+from amoeboid.closed_forms.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
+from amoeboid.closed_forms.flow import Harmonics, flow_modes, flow_potential, flow_profile, rho_2
+from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_speed,
     driving_slope,
@@ -27,8 +26,9 @@ from amoeboid.theory.linear import (
     shape_response,
     slowest_rate,
 )
-from amoeboid.theory.phase_boundary import phase_boundary
-from amoeboid.theory.points import infinite_pressure, points
+from amoeboid.closed_forms.phase_boundary import phase_boundary
+from amoeboid.closed_forms.points import infinite_pressure, points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory import free_shape
 from theory.sample_points import LAWS, sample_points

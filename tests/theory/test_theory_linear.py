@@ -7,8 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import theory.shell_equations as model
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     base_tension,
     critical_pressure,
     critical_speed,
@@ -22,7 +21,8 @@ from amoeboid.theory.linear import (
     mode_onsets,
     thresholds,
 )
-from amoeboid.theory.points import points
+from amoeboid.closed_forms.points import points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.sample_points import LAWS, sample_points, symbol_values
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from amoeboid.theory.monomers import (
+from amoeboid.closed_forms.monomers import (
     ExponentialDecay,
     consumption,
     growth_speed,

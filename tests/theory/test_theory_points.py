@@ -4,17 +4,17 @@ import time
 import numpy as np
 import pytest
 
-import amoeboid.theory.points as points_module
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import cubic_coefficient
-from amoeboid.theory.branch import prediction
-from amoeboid.theory.linear import (
+import amoeboid.closed_forms.points as points_module
+from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.branch import prediction
+from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_speed,
     finite_pressure_rates,
     growth_rate,
 )
-from amoeboid.theory.points import points
+from amoeboid.closed_forms.points import points
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 

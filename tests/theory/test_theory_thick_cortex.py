@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from amoeboid.theory.thick_cortex import (
+from amoeboid.closed_forms.thick_cortex import (
     Cortex,
     cylinder_stresses,
     cylinder_surface_stresses,

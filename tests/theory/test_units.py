@@ -3,9 +3,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from amoeboid.closed_forms.linear import critical_speed, growth_rate
 from amoeboid.model.parameters import PAPER_CELL, PARAMETER_NAMES, Parameters
 from amoeboid.model.units import in_unit, magnitude
-from amoeboid.theory.linear import critical_speed, growth_rate
 from amoeboid.validation import InvalidInput
 
 AVOGADRO = 6.02214076e23

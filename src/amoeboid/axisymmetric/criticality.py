@@ -2,7 +2,7 @@
 
 Near its origin the polarized branch is v_p0 = threshold + k a^2, a the amplitude of cos(x) in c:
 supercritical for k > 0, subcritical (hysteresis) for k < 0. k = -nu/(d lambda_1/d v_p0) with the
-closed form nu of amoeboid.theory.amplitude at delta_P; here it is measured on the branch.
+closed form nu of amoeboid.closed_forms.amplitude at delta_P; here it is measured on the branch.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import departure, onset_speed
-from amoeboid.axisymmetric.unknowns import split
+from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, Point, at_distance
 from amoeboid.validation import InvalidInput
@@ -58,7 +58,7 @@ def _estimate(start: Point, threshold: float, distance: float, options: Options)
         point = at_distance(start, share * distance, options)
         if point is None:
             return None
-        square = float(split(point.x, (point.x.size - 3) // 3)[2][1] ** 2)
+        square = float(split(point.x, mode_count(point.x))[2][1] ** 2)
         if square == 0:
             return None
         squares.append(square)

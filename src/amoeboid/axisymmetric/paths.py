@@ -17,7 +17,7 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import departure, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous_unknowns
-from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import (
@@ -52,7 +52,7 @@ SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start
 
 def modes_of(point: Point) -> int:
     """Number of modes of a point."""
-    return (point.x.size - 3) // 3
+    return mode_count(point.x)
 
 
 def steady_state_at(p: Parameters, name: str, point: Point) -> SteadyState:

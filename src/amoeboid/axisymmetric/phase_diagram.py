@@ -21,6 +21,7 @@ from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
 from amoeboid.axisymmetric.states import Rising
 from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
+from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, arcs, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled, through
@@ -209,7 +210,7 @@ def fold_line(
     threshold, its amplitude vanishing.
     """
     fold = column.folds[0]
-    n = (fold.x.size - 3) // 3
+    n = mode_count(fold.x)
     at = p.replace(**{name: column.value, "v_p0": fold.parameter})
     steady = SteadySystem(at, n, ("v_p0", name))
     system, start = fold_system(steady, fold.x, fold.x_tangent, fold.parameter)

@@ -24,10 +24,10 @@ from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadyState, homogeneous
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.closed_forms.linear import finite_pressure_rates
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.newton import solve
-from amoeboid.theory.linear import finite_pressure_rates
 from amoeboid.validation import InvalidInput
 
 AZIMUTHAL_NUMBERS = (0, 1, 2, 3)

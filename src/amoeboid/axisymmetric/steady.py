@@ -27,6 +27,7 @@ from amoeboid.axisymmetric.unknowns import (
     fields_of,
     resampled,
     split,
+    unknown_count,
 )
 from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
@@ -317,7 +318,7 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     """The unknowns of the homogeneous sphere, for real or complex parameters."""
     f0 = p.law.value(np.asarray(p.c0), p.v_p0, p.c_r)
     zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
-    x = np.zeros(3 * n + 3, dtype=np.result_type(zeta0, p.c0, p.R0, float))
+    x = np.zeros(unknown_count(n), dtype=np.result_type(zeta0, p.c0, p.R0, float))
     x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
     return x
 

@@ -45,13 +45,27 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return 3 * self.n + 3
+        return unknown_count(self.n)
+
+
+def unknown_count(n: int) -> int:
+    """Length of the vector of unknowns for n modes."""
+    return 3 * n + 3
+
+
+def mode_count(x: Array) -> int:
+    """Number of modes n of a vector of unknowns.
+
+    >>> mode_count(np.zeros(unknown_count(32)))
+    32
+    """
+    return (x.size - 3) // 3
 
 
 @lru_cache(maxsize=32)
 def layout(n: int) -> Layout:
     """The layout for n points; the same object each time."""
-    g, size = grid(n), 3 * n + 3
+    g, size = grid(n), unknown_count(n)
     psi, psi_slope, u, c = (np.zeros((n, size)) for _ in range(4))
     psi[:, : n - 1] = g.odd_values[:, : n - 1]
     psi_slope[:, : n - 1] = g.odd_slopes[:, : n - 1]

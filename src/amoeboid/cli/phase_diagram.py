@@ -97,8 +97,8 @@ def windows(args: argparse.Namespace, p: Parameters) -> tuple[list[float], list[
     What is not given is that of the paper's table in units of this cell: D in beta R0^2, v_p0 in
     proportion to its threshold. Raises InvalidInput where there is no such unit.
     """
+    from amoeboid.closed_forms.linear import critical_speed
     from amoeboid.model.parameters import Parameters
-    from amoeboid.theory.linear import critical_speed
 
     wanted = [args.low, args.high]
     if None in wanted:

@@ -277,7 +277,7 @@ def _draw(run: Run, last: Step) -> None:
 
 
 def _stability(last: Step) -> str:
-    """Whether the state is steady, and what becomes of small disturbances of it."""
+    """Whether the state is steady, and what becomes of small perturbations of it."""
     if last.rest is None:
         return "the state is not steady: it still changes, or grows slowly from rest"
     if last.stability == "unknown":

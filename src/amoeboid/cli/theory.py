@@ -11,8 +11,8 @@ from amoeboid.cli.tables import table, text, width
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
+    from amoeboid.closed_forms.summary import Summary
     from amoeboid.model.parameters import Parameters
-    from amoeboid.theory.summary import Summary
 
 # Dimension and physical unit of what is printed; a key that is missing has no dimension.
 UNITS = {
@@ -52,7 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Print what the theory says, as a table or as JSON."""
-    from amoeboid.theory.summary import summary
+    from amoeboid.closed_forms.summary import summary
 
     if args.physical:
         from amoeboid.model.parameters import PAPER_CELL, Parameters

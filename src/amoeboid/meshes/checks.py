@@ -12,12 +12,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
-from amoeboid.meshes.geometry import LEAST_QUALITY, area, mesh_quality, volume, volume_centroid
+from amoeboid.meshes.geometry import MIN_QUALITY, area, mesh_quality, volume, volume_centroid
 from amoeboid.meshes.intersections import intersecting_pair
 from amoeboid.validation import InvalidInput
 
 # Those of mesh.subdivisions = 1 and 6.
-FEWEST_NODES, MOST_NODES = 42, 40962
+MIN_NODES, MAX_NODES = 42, 40962
 # Points differ by rounding if by no more than half this share of their largest coordinate (single
 # precision, six digits), and by less than this share of an edge.
 ROUNDING, SHARE_OF_EDGE = 2.0**-18, 0.01
@@ -118,10 +118,9 @@ def _check_numbers(r: Array, faces: Index, name: str) -> None:
             f"{name} must use every point in a triangle, {unused} of {len(r)} points are in none; "
             "remove them"
         )
-    if not FEWEST_NODES <= len(r) <= MOST_NODES:
+    if not MIN_NODES <= len(r) <= MAX_NODES:
         raise Repairable(
-            f"{name} must have {FEWEST_NODES} to {MOST_NODES} different points, got {len(r)}; "
-            "remesh it"
+            f"{name} must have {MIN_NODES} to {MAX_NODES} different points, got {len(r)}; remesh it"
         )
 
 
@@ -194,9 +193,9 @@ def _check_topology(n: int, faces: Index, name: str) -> None:
 def check_triangles(r: Array, faces: Index, name: str) -> None:
     """Raise InvalidInput for triangles without area, that cross, or that look inward."""
     quality = mesh_quality(r, faces)
-    if not quality >= LEAST_QUALITY:
+    if not quality >= MIN_QUALITY:
         raise Repairable(
-            f"{name} must not have degenerate triangles (quality >= {LEAST_QUALITY:g}, 1 is "
+            f"{name} must not have degenerate triangles (quality >= {MIN_QUALITY:g}, 1 is "
             f"equilateral), the worst has {quality:.3g}; remesh it"
         )
     pair = intersecting_pair(r, faces)

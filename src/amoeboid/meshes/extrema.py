@@ -14,7 +14,7 @@ SEARCHED = 12
 DEGREE, RINGS = 4, 3
 # How far from a node its maximum is sought, in units of the farthest neighbor, and in how many
 # steps; the share of the larger curvature that the smaller one counts for at least.
-REACH, MOST_CLIMBS, FLATTEST = 0.5, 5, 1e-3
+REACH, MAX_CLIMBS, MIN_CURVATURE = 0.5, 5, 1e-3
 # Share of a power that must be left when lower ones are taken off, squared, to be fitted.
 UNDETERMINED = 1e-10
 
@@ -142,12 +142,12 @@ def _climbed(k):  # type: ignore[no-untyped-def]
     """Largest value within REACH of the origin that Newton's method finds from there."""
     x, y = 0.0, 0.0
     best, fx, fy, fxx, fxy, fyy = _value_and_slopes(k, x, y)
-    for _ in range(MOST_CLIMBS):
+    for _ in range(MAX_CLIMBS):
         # with curvatures of the sign of a maximum and not too small: a ring of maxima has one of 0
         mean, half = 0.5 * (fxx + fyy), 0.5 * (fxx - fyy)
         radius = np.sqrt(half * half + fxy * fxy)
         one, two = abs(mean + radius), abs(mean - radius)
-        one, two = max(one, FLATTEST * two), max(two, FLATTEST * one)
+        one, two = max(one, MIN_CURVATURE * two), max(two, MIN_CURVATURE * one)
         angle = 0.5 * np.arctan2(fxy, half)
         cos, sin = np.cos(angle), np.sin(angle)
         along, across = (cos * fx + sin * fy) / one, (cos * fy - sin * fx) / two

@@ -15,7 +15,7 @@ from amoeboid.arrays import Array, Index
 from amoeboid.numerics.compiled import compiled
 
 # A mesh with worse triangles than this (1 is equilateral) is no longer a discretization.
-LEAST_QUALITY = 0.02
+MIN_QUALITY = 0.02
 
 
 # Where the normals at the corners of a triangle and its own are farther apart than this cosine, or

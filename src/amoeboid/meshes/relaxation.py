@@ -1,7 +1,7 @@
-"""Tangential relaxation of the mesh: nodes drift to the middle of their triangles.
+"""Tangential relaxation of the mesh: nodes move towards the mean center of their triangles.
 
-It keeps the triangles even under deformation, and makes every discretization error fall at second
-order: an icosphere as subdivided has uneven triangles, and its errors do not.
+Relaxation keeps the triangles uniform when the shape deforms. With it every discretization error
+decreases at second order; on an icosphere whose triangles are only subdivided it does not.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from amoeboid.meshes.connectivity import Connectivity, icosahedron, renumbered, 
 from amoeboid.meshes.geometry import Geometry, geometry
 from amoeboid.numerics.compiled import compiled
 
-# Accuracy to which the coarser meshes settle on which `even_icosphere` starts.
+# Tolerance for the coarser meshes from which `uniform_icosphere` starts.
 COARSE_TOLERANCE = 1e-4
-# Damping of the slowest mode of a mesh in units of its spacing, measured.
-SLOWEST = 2.0
+# Damping of the slowest mode of relaxation in units of the mesh spacing, measured.
+SLOWEST_DAMPING = 2.0
 
 
 def relaxation(r: Array, g: Geometry, mesh: Connectivity) -> Array:
@@ -44,27 +44,27 @@ def _relaxation(r, faces, face_areas, node_areas, normals):  # type: ignore[no-u
     return pull
 
 
-def even_icosphere(subdivisions: int, tolerance: float = 1e-10) -> tuple[Array, Index]:
-    """An icosphere (unit sphere) whose mesh is at rest under `relaxation`: nodes (V, 3), faces.
+def uniform_icosphere(subdivisions: int, tolerance: float = 1e-10) -> tuple[Array, Index]:
+    """An icosphere (unit sphere) relaxed by `relaxation`: nodes (V, 3), faces (F, 3).
 
-    The faces are those of `icosphere`. Every subdivision starts from the even mesh before it,
-    which leaves only short, quickly settling disturbances.
+    The faces are those of `icosphere`. Every subdivision starts from the relaxed coarser mesh, so
+    that only perturbations of short wavelength remain, which decay quickly.
     """
     r, faces = icosahedron()
     for _ in range(subdivisions - 1):
         r, faces = subdivided(r, faces)
-        r = _settled(r, faces, COARSE_TOLERANCE)
+        r = _relaxed(r, faces, COARSE_TOLERANCE)
     if subdivisions > 0:
         r, faces = subdivided(r, faces)
     r, faces = renumbered(r, faces)
-    return _settled(r, faces, tolerance), faces
+    return _relaxed(r, faces, tolerance), faces
 
 
-def _settled(r: Array, faces: Index, tolerance: float) -> Array:
-    """Nodes on the unit sphere, moved by `relaxation` until they rest."""
+def _relaxed(r: Array, faces: Index, tolerance: float) -> Array:
+    """Nodes on the unit sphere, moved by `relaxation` until they converge."""
     # accelerated fixed point iteration; the slowest mode is the smoothest of icosahedral symmetry
     spacing = np.sqrt(4 * np.pi / len(r))
-    momentum = (1 - SLOWEST * spacing) / (1 + SLOWEST * spacing)
+    momentum = (1 - SLOWEST_DAMPING * spacing) / (1 + SLOWEST_DAMPING * spacing)
     previous = r
     for _ in range(100_000):
         ahead = _on_sphere(r + momentum * (r - previous))
@@ -75,7 +75,7 @@ def _settled(r: Array, faces: Index, tolerance: float) -> Array:
         previous, r = r, moved
         if change < tolerance * spacing:
             return r
-    raise ArithmeticError(f"mesh relaxation did not settle, last change {change:.3g}")
+    raise ArithmeticError(f"mesh relaxation did not converge, last change {change:.3g}")
 
 
 def _on_sphere(r: Array) -> Array:

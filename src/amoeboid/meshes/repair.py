@@ -1,7 +1,7 @@
-"""Mends a user's surface on request: joins, orientation, slivers, an even mesh.
+"""Repairs a user's surface on request: joins, orientation, slivers, a uniform mesh.
 
-What is changed is told. Holes, handles, several pieces and parts that cross are left as they are,
-for `imported.check_surface` to refuse: what belongs there is not known.
+Every change is reported. Holes, handles, several pieces and self-intersections are not repaired,
+because the intended surface is not known; `checks.check_surface` rejects them.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from scipy.spatial import cKDTree
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import (
-    FEWEST_NODES,
-    MOST_NODES,
+    MAX_NODES,
+    MIN_NODES,
     Repairable,
     check_mesh,
     check_size,
@@ -23,7 +23,7 @@ from amoeboid.meshes.checks import (
 )
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import (
-    LEAST_QUALITY,
+    MIN_QUALITY,
     area,
     equilateral_edge_length,
     geometry,
@@ -36,29 +36,27 @@ from amoeboid.meshes.remeshing import POOR_QUALITY, distortion, swept
 from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.validation import InvalidInput
 
-# Rounds of changes end at a distortion of less than this; 1 is what a run leaves alone.
-MAX_ROUNDS, WELL_IN_ORDER = 12, 0.85
-# Steps that spread the nodes after each of them, and triangles among which the nearest is sought.
+# Maximum number of rounds, and the distortion at which they end; a run accepts distortions up to 1.
+MAX_ROUNDS, GOOD_DISTORTION = 12, 0.85
+# Relaxation steps after each round; number of triangles among which the nearest point is searched.
 RELAXATIONS, NEAREST = 3, 12
-# Nodes on a surface remeshed with edges of the length of that many even triangles, measured.
+# A remeshed surface has more nodes by this factor than equilateral triangles of that edge length.
 EXCESS = 1.27
-# They are more or fewer than wanted by less than this factor; measured: 1.21.
+# The number of nodes differs from the wanted one by less than this factor; measured: 1.21.
 SPREAD = 1.3
-# A surface of so many points takes minutes.
+# The repair of a surface with this many points takes minutes.
 MAX_POINTS = 250_000
 
 
 def repaired(
     r: Array, faces: Index, n_nodes: int, name: str
 ) -> tuple[Array, Index, tuple[str, ...]]:
-    """The surface with all mended that can be, and what was changed, in words.
+    """The repaired surface: nodes, faces, and the changes in words.
 
-    A mesh out of order becomes one of about `n_nodes`.
-
-    Points that coincide up to rounding are joined; triangles without area in their numbering,
-    repeated ones and unused points removed; triangles turned to look outward. If the mesh then has
-    slivers or edges of very different lengths it is remeshed. Raises InvalidInput, beginning with
-    `name`, for what cannot be mended.
+    Points that coincide up to rounding are joined. Triangles that use a point twice, repeated
+    triangles and unused points are removed. Triangles are oriented outward. A mesh with slivers or
+    edges of very different lengths is remeshed to about `n_nodes` nodes. Raises InvalidInput, with
+    a message that begins with `name`, for a surface that cannot be repaired.
     """
     size = check_size(r, name)
     r, faces, changes = joined(r, faces)
@@ -77,7 +75,7 @@ def repaired(
     if volume(x, faces) < 0:
         faces = faces[:, ::-1]
         changes = (*changes, "turned all triangles round, the surface was inside out")
-    new, faces, remeshed = _even(x, np.ascontiguousarray(faces), n_nodes, name)
+    new, faces, remeshed = _uniform(x, np.ascontiguousarray(faces), n_nodes, name)
     return r if new is x else center + unit * new, faces, (*changes, *remeshed)
 
 
@@ -131,25 +129,25 @@ def _oriented(r: Array, faces: Index) -> tuple[Index, list[str]]:
     return faces, [f"turned {turns.sum()} triangles round, to look out where their neighbors do"]
 
 
-def _even(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index, list[str]]:
-    """The surface on an even mesh of about `n_nodes`, if its own is out of order."""
+def _uniform(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index, list[str]]:
+    """The surface on a uniform mesh of about `n_nodes`, if its own mesh is not acceptable."""
     own_length = equilateral_edge_length(area(r, faces), len(faces))
     in_order = distortion(r, faces, own_length) <= 1.0
-    if in_order and FEWEST_NODES <= len(r) <= MOST_NODES:
+    if in_order and MIN_NODES <= len(r) <= MAX_NODES:
         return r, faces, []
-    if mesh_quality(r, faces) >= LEAST_QUALITY:
+    if mesh_quality(r, faces) >= MIN_QUALITY:
         check_triangles(r, faces, name)
     # first as it is but for slivers, so that a crossing is seen; then coarser or finer
-    fine, fine_faces = (r, faces) if in_order else _evened(r, faces, own_length, (r, faces))
+    fine, fine_faces = (r, faces) if in_order else _remeshed(r, faces, own_length, (r, faces))
     try:
         check_triangles(fine, fine_faces, name)
     except Repairable as problem:
         raise InvalidInput(
             f"{problem}: initial.repair cannot, its triangles may cross or fold"
         ) from None
-    n_nodes = int(min(max(n_nodes, FEWEST_NODES * SPREAD), MOST_NODES / SPREAD))
+    n_nodes = int(min(max(n_nodes, MIN_NODES * SPREAD), MAX_NODES / SPREAD))
     wanted = equilateral_edge_length(area(fine, fine_faces), 2 * n_nodes - 4) * np.sqrt(EXCESS)
-    new, new_faces = _evened(fine, fine_faces, float(wanted), (r, faces))
+    new, new_faces = _remeshed(fine, fine_faces, float(wanted), (r, faces))
     volumes = volume(new, new_faces), volume(r, faces)
     slivers = int(np.sum(triangle_quality(r, faces) < POOR_QUALITY))
     told = (
@@ -161,7 +159,7 @@ def _even(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index
     return new, new_faces, [told]
 
 
-def _evened(
+def _remeshed(
     r: Array, faces: Index, edge_length: float, onto: tuple[Array, Index]
 ) -> tuple[Array, Index]:
     """The surface with edges of about this length, its nodes on the surface `onto`."""
@@ -175,7 +173,7 @@ def _evened(
             r = r + 0.5 * relaxation(r, g, mesh)
             near = tree.query(r, k=min(NEAREST, tree.n))[1]
             r = np.asarray(_nearest_points(r, *onto, near))
-        if faces is before or distortion(r, faces, edge_length) < WELL_IN_ORDER:
+        if faces is before or distortion(r, faces, edge_length) < GOOD_DISTORTION:
             break
     return r, faces
 

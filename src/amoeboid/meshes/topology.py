@@ -17,7 +17,7 @@ from amoeboid.meshes.geometry import mesh_quality, triangle_quality
 from amoeboid.numerics.compiled import compiled, nested
 
 # Edges are split and collapsed beyond these multiples of the length that they were made with.
-LONGEST, SHORTEST = 1.5, 0.6
+MAX_LENGTH, MIN_LENGTH = 1.5, 0.6
 # Flips are looked for where a triangle is worse than this, ...
 GOOD_QUALITY = 0.7
 # ... and done where the worse triangle becomes this much better.
@@ -63,7 +63,7 @@ class Change:
 def splits(r: Array, faces: Index, edge_length: float) -> Change | None:
     """A new node in the middle of edges that are too long, the longest first."""
     e = edges(r, faces)
-    long = _in_order(e.length > LONGEST * edge_length, -e.length)
+    long = _in_order(e.length > MAX_LENGTH * edge_length, -e.length)
     chosen, patch = _chosen_splits(long, e.corners, len(r))
     if len(chosen) == 0:
         return None
@@ -85,12 +85,12 @@ def splits(r: Array, faces: Index, edge_length: float) -> Change | None:
 def collapses(r: Array, faces: Index, edge_length: float) -> Change | None:
     """Both ends of edges that are too short become one node between them, the shortest first."""
     e = edges(r, faces)
-    short = _in_order(e.length < SHORTEST * edge_length, e.length)
+    short = _in_order(e.length < MIN_LENGTH * edge_length, e.length)
     if len(short) == 0:
         return None
     start, around = _triangles_around(faces, len(r))
     chosen, patch = _chosen_collapses(
-        short, e.corners, r, faces, start, around, LONGEST * edge_length
+        short, e.corners, r, faces, start, around, MAX_LENGTH * edge_length
     )
     if len(chosen) == 0:
         return None

@@ -15,11 +15,11 @@ import numpy as np
 
 from amoeboid.arrays import Array, Index
 from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
-from amoeboid.meshes.checks import FEWEST_NODES, MOST_NODES
+from amoeboid.meshes.checks import MAX_NODES, MIN_NODES
 from amoeboid.meshes.connectivity import Connectivity, connectivity
 from amoeboid.meshes.geometry import area, equilateral_edge_length, volume
 from amoeboid.simulation.loop import KEPT, Step, due_times
-from amoeboid.surface.explicit import MOST_AREA_ERROR
+from amoeboid.surface.explicit import MAX_AREA_ERROR
 from amoeboid.surface.model import Model
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.state import Flow, State
@@ -44,8 +44,8 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
     "history_c": (np.float64, ("states", "nodes")),
     "history_scalars": (np.float64, ("states", 2)),
     "history_position": (np.float64, ("states", 3)),
-    "history_turning_known": (np.bool_, ("states",)),
-    "history_turning": (np.float64, ("states", 3)),
+    "history_angular_velocity_known": (np.bool_, ("states",)),
+    "history_angular_velocity": (np.float64, ("states", 3)),
     "flow_vectors": (np.float64, (3, "nodes", 3)),
     "flow_areas": (np.float64, ("nodes",)),
     "flow_zeta0": (np.float64, ()),
@@ -85,9 +85,14 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
         "history_c": np.stack([s.c for s in step.history]),
         "history_scalars": np.array([(s.t, s.zeta0) for s in step.history]),
         "history_position": np.stack([s.position for s in step.history]),
-        "history_turning_known": np.array([s.turning is not None for s in step.history]),
-        "history_turning": np.stack(
-            [np.zeros(3) if s.turning is None else s.turning for s in step.history]
+        "history_angular_velocity_known": np.array(
+            [s.angular_velocity is not None for s in step.history]
+        ),
+        "history_angular_velocity": np.stack(
+            [
+                np.zeros(3) if s.angular_velocity is None else s.angular_velocity
+                for s in step.history
+            ]
         ),
         "flow_vectors": np.stack([step.flow.v_c, step.flow.v_p, step.flow.normals]),
         "flow_areas": step.flow.node_areas,
@@ -183,7 +188,7 @@ def _model(config: Config, arrays: dict[str, Array]) -> Model:
     edge_length = float(arrays["edge_length"])
     A0 = Model(config.parameters, mesh).A0
     # meshes of V nodes have 2V - 4 triangles; a mesh keeps the length that it began with
-    longest, shortest = (equilateral_edge_length(A0, 2 * n - 4) for n in (FEWEST_NODES, MOST_NODES))
+    longest, shortest = (equilateral_edge_length(A0, 2 * n - 4) for n in (MIN_NODES, MAX_NODES))
     _require(
         shortest * (1 - 1e-9) <= edge_length <= longest * (1 + 1e-9),
         f"edge_length must be between {shortest:g} and {longest:g}",
@@ -204,7 +209,7 @@ def _mesh(faces: Index, n_nodes: int) -> Connectivity:
 
 
 def _history(arrays: dict[str, Array]) -> tuple[State, ...]:
-    names = ("r", "c", "position", "turning")
+    names = ("r", "c", "position", "angular_velocity")
     r, c, position, turning = (arrays[f"history_{name}"] for name in names)
     times, tensions = arrays["history_scalars"].T
     _require(len(times) <= KEPT, f"at most {KEPT} states are kept", len(times))
@@ -219,7 +224,7 @@ def _history(arrays: dict[str, Array]) -> tuple[State, ...]:
             c[k],
             float(tensions[k]),
             position[k],
-            turning[k] if arrays["history_turning_known"][k] else None,
+            turning[k] if arrays["history_angular_velocity_known"][k] else None,
         )
         for k in range(len(r))
     )
@@ -239,7 +244,7 @@ def _check_shape(model: Model, history: tuple[State, ...]) -> None:
     for state in history:
         ratio = area(state.r, faces) / model.A0
         _require(
-            abs(ratio - 1.0) <= MOST_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
+            abs(ratio - 1.0) <= MAX_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
         )
         enclosed = volume(state.r, faces)
         _require(enclosed > 0, "triangles must look outward, volume > 0", f"{enclosed:g}")

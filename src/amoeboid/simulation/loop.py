@@ -16,7 +16,7 @@ from amoeboid.arrays import Array
 from amoeboid.config import SHORTEST_STEP, Config, Time, resolved
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.numerics.multistep import extrapolated
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.explicit import explicit_step
@@ -25,7 +25,14 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.state import Flow, State
-from amoeboid.surface.steadiness import CHANGED, PATIENCE, STEADY, UNSTABLE, Rest, relative_rate
+from amoeboid.surface.steadiness import (
+    CHANGED,
+    MAX_GROWTH_TIMES,
+    STEADY,
+    UNSTABLE,
+    Rest,
+    relative_rate,
+)
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step, starting_step
 from amoeboid.validation import InvalidInput
 
@@ -34,7 +41,7 @@ START_AGAIN = 0.3
 KEPT = 3  # states that a step and its error estimate are made from
 # Times that differ by less than this share of the interval between two frames are one time.
 SAME_TIME = 1e-9
-SAFETY, MOST_GROWTH, MOST_SHRINKING = 0.9, 2.0, 0.3
+SAFETY, MAX_STEP_FACTOR, MIN_STEP_FACTOR = 0.9, 2.0, 0.3
 # BDF2 is stable if no step is longer than 1 + sqrt(2) times the one before.
 STABLE_GROWTH = 2.4
 
@@ -66,7 +73,7 @@ class Step:
 
     @property
     def steady(self) -> bool:
-        """Whether the cell does not change, and no small disturbance is known to grow.
+        """Whether the cell does not change, and no small perturbation is known to grow.
 
         It need not be stable for that: see `stability`.
         """
@@ -74,14 +81,14 @@ class Step:
 
     @property
     def unstable(self) -> bool:
-        """Whether the cell does not change, but a small disturbance grows."""
-        return self._grows and not self.in_vain
+        """Whether the cell does not change, but a small perturbation grows."""
+        return self._grows and not self.growth_not_seen
 
     @property
-    def in_vain(self) -> bool:
-        """Whether growth has been waited for so long that it is none of the run."""
+    def growth_not_seen(self) -> bool:
+        """Whether predicted growth has not appeared within the time allowed for it."""
         waited = 0.0 if self.rest is None else self.state.t - self.rest.since
-        return self._grows and waited * (self.growth or 0.0) > PATIENCE
+        return self._grows and waited * (self.growth or 0.0) > MAX_GROWTH_TIMES
 
     @property
     def _grows(self) -> bool:
@@ -90,7 +97,7 @@ class Step:
 
     @property
     def growth(self) -> float | None:
-        """Growth rate of the fastest growing disturbance [1/T] of a cell at rest, if known."""
+        """Growth rate of the fastest growing perturbation [1/T] of a cell at rest, if known."""
         return None if self.rest is None else self.rest.growth.rate
 
     @property
@@ -113,15 +120,15 @@ class Step:
             return pending or "the cell still changes"
         if self.growth is None or self.growth_error is None:
             return self.rest.growth.problem
-        if self.in_vain:
+        if self.growth_not_seen:
             return (
-                f"a disturbance should grow at {self.growth:.3g} per unit of time and has not "
-                "shown; the mesh may be too coarse for it, or time.max_step too long for an "
+                f"a growth rate of {self.growth:.3g} per unit time is predicted, but no growth "
+                "appeared; the mesh may be too coarse for it, or time.max_step too long for an "
                 "oscillation"
             )
         if abs(self.growth) <= self.growth_error:
             return (
-                f"the growth rate of the fastest disturbance, {self.growth:.3g} per unit of time, "
+                f"the growth rate of the fastest perturbation, {self.growth:.3g} per unit time, "
                 f"is only known to {self.growth_error:.2g}"
             )
         return ""
@@ -269,7 +276,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
     if not smooth:  # what was before tells nothing of what comes
-        past, flow_before = (replace(present, turning=None),), None
+        past, flow_before = (replace(present, angular_velocity=None),), None
     dt = min(_next_length(step) if smooth else step.next_dt, time.max_step)
     rejected = step.rejected
     if not (kept and smooth):
@@ -290,8 +297,8 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         order = 2 if len(past) > 2 else 1
         factor = np.clip(
             SAFETY * (time.tolerance / max(error, 1e-300)) ** (1 / (order + 1)),
-            MOST_SHRINKING,
-            MOST_GROWTH,
+            MIN_STEP_FACTOR,
+            MAX_STEP_FACTOR,
         )
         if error > time.tolerance:
             why = f"the error of one step stays above time.tolerance = {time.tolerance:g}"

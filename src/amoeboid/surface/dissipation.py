@@ -1,4 +1,4 @@
-"""The viscous cortex: dissipation function, its matrix, and the stress that follows from it."""
+"""The viscous cortex: matrix of the dissipation function, and viscous stress."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ def _dissipation_blocks(areas, normals, gradients, slots, n_slots, eta_s, eta_b)
             for b in range(a, 3):
                 y = gradients[f, b]
                 block, mirror = slots[f, a, b], slots[f, b, a]
-                even = shear * (x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
+                isotropic = shear * (x[0] * y[0] + x[1] * y[1] + x[2] * y[2])
                 for p in range(3):
                     for q in range(3):
-                        entry = bulk * x[p] * y[q] + shear * y[p] * x[q] - even * n[p] * n[q]
+                        entry = bulk * x[p] * y[q] + shear * y[p] * x[q] - isotropic * n[p] * n[q]
                         if p == q:
-                            entry += even
+                            entry += isotropic
                         blocks[block, p, q] += entry
                         if a != b:
                             blocks[mirror, q, p] += entry
@@ -70,8 +70,8 @@ def _viscous_stress(normals, gradients, faces, v, eta_s, eta_b):  # type: ignore
         bulk = eta_b * (stress[f, 0, 0] + stress[f, 1, 1] + stress[f, 2, 2])
         for p in range(3):
             for q in range(p):
-                even = eta_s * (stress[f, p, q] + stress[f, q, p]) - bulk * n[p] * n[q]
-                stress[f, p, q], stress[f, q, p] = even, even
+                mean = eta_s * (stress[f, p, q] + stress[f, q, p]) - bulk * n[p] * n[q]
+                stress[f, p, q], stress[f, q, p] = mean, mean
             stress[f, p, p] = 2.0 * eta_s * stress[f, p, p] + bulk * (1.0 - n[p] * n[p])
     return stress
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from amoeboid.meshes.geometry import geometry
-from amoeboid.surface.force_balance import cortex, force_balance
+from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed, area_preserving_move
@@ -19,8 +19,8 @@ RESTING = 1e-3
 def flow_of(model: Model, state: State, dt: float) -> Flow:
     """The flow in `state`, with the tension that keeps the area over the next dt."""
     g = geometry(state.r, model.mesh.faces)
-    near = cortex(model, state.r, g, dt, state.zeta0)
-    solution = force_balance(model, near, state.r, g, state.c, state.zeta0)
+    factorized = factorized_cortex(model, state.r, g, dt, state.zeta0)
+    solution = force_balance(model, factorized, state.r, g, state.c, state.zeta0)
     _, zeta0 = area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
     return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
 
@@ -34,12 +34,12 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
     Raises StepFailed.
     """
     dt = RELAXATION_STEP / model.rate
-    near, v_c, change = None, None, np.inf
+    factorized, v_c, change = None, None, np.inf
     for _ in range(most_steps):
         g = geometry(state.r, model.mesh.faces)
-        if near is None:
-            near = cortex(model, state.r, g, dt, state.zeta0)
-        solution = force_balance(model, near, state.r, g, state.c, state.zeta0, v_c=v_c)
+        if factorized is None:
+            factorized = factorized_cortex(model, state.r, g, dt, state.zeta0)
+        solution = force_balance(model, factorized, state.r, g, state.c, state.zeta0, v_c=v_c)
         moved, zeta0 = area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
         before, change = change, np.abs(moved - state.r).max() / model.parameters.R0
         v_c = solution.v(zeta0) - solution.v_p
@@ -47,7 +47,7 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
         if change < tolerance:
             return state
         if change > before:  # too far from the shape that was factorized
-            near, v_c = None, None
+            factorized, v_c = None, None
     flow = flow_of(model, state, 1e-2 / model.rate)
     speed = np.abs(np.einsum("vi,vi->v", flow.v, flow.normals)).max()
     if not speed < RESTING * model.rate * model.parameters.R0:

@@ -45,9 +45,9 @@ MESH_RELAXATION = 2.0
 # force of a flow at model.rate.
 RESIDUAL = 1e-7
 # Conjugate gradients need some hundred iterations from nothing and a few from the previous flow.
-MOST_ITERATIONS = 100_000
+MAX_ITERATIONS = 100_000
 # |A/A0 - 1| after a step that is no error of order dt^2 any more: stable steps leave under 1e-5.
-MOST_AREA_ERROR = 1e-3
+MAX_AREA_ERROR = 1e-3
 
 
 def explicit_step(
@@ -82,10 +82,10 @@ def explicit_step(
         raise StepFailed(f"the concentration is no longer >= 0: {new.c.min():.3g}")
     check_step(model, state, new)
     wrong = abs(area(new.r, mesh.faces) / model.A0 - 1.0)
-    if wrong > MOST_AREA_ERROR:
+    if wrong > MAX_AREA_ERROR:
         raise StepFailed(
             f"the step is too long for the stiff shape modes: its area is off by {wrong:.2g}, more "
-            f"than {MOST_AREA_ERROR:g}; shorten time.max_step"
+            f"than {MAX_AREA_ERROR:g}; shorten time.max_step"
         )
     return new, Flow(v_c - drift, v_p, zeta0, g.normals, g.node_areas)
 
@@ -114,7 +114,7 @@ def constrained_flow(
         per_area,
         start,
         least,
-        MOST_ITERATIONS,
+        MAX_ITERATIONS,
     )
     if not found.residual <= least:
         raise StepFailed(

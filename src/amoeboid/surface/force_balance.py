@@ -4,21 +4,23 @@ In the discrete variables K v_c = delta_P dV/dr - zeta0 dA/dr + (elastic force),
 matrix. Two things make a long time step stable and keep the flow clean:
 
 *Implicit tension.* A shape that moves by dt v_n changes its tension force by about
--dt zeta0 L v_n, L the stiffness matrix. Added to K for the normal motion only, it damps the stiff
-shape modes (rate delta_P R0/eta_s); on the tangential motion it would be a false viscosity. It
-acts on what the step moves the shape beyond where it was expected, and vanishes in a steady state.
+-dt zeta0 L v_n, L the stiffness matrix. Added to K for the normal motion only, this term damps the
+stiff shape modes (rate delta_P R0/eta_s); for the tangential motion it would be a false viscosity.
+It acts on the difference between the motion in the step and the predicted one, and vanishes in a
+steady state.
 
-*Normal viscosity.* Where the Gaussian curvature is negative, a membrane offers next to no viscous
-resistance to some changes of its shape. A small share of the viscosity that resists gradients of
-v.n keeps them finite. It vanishes in a steady state, where v.n = 0.
+*Normal viscosity.* Where the Gaussian curvature is negative, a membrane resists some changes of its
+shape with next to no viscosity. A small additional viscosity that resists gradients of v.n keeps
+their speed finite. Its forces vanish in a steady state, where v.n = 0.
 
 *Normal tension, and pressure on the same areas.* Tension and pressure depend on the shape alone,
-so that moving nodes within the surface must do no work. The exact dA/dr of a polyhedron has a
-tangential part, a discretization error multiplied by the large zeta0, which would drive a parasitic
-flow; it is left out. Its normal part is the curvature times the dual area of the node, not a third
-of the triangles around it; a node of valence five has 13 % less of the latter. So pressure acts on
-dual areas as well: it then balances tension on a sphere exactly, and on other shapes no node of
-odd valence is pushed out of the surface.
+so that they must do no work when nodes move within the surface. The exact dA/dr of a polyhedron has
+a tangential part. It is a discretization error multiplied by the large zeta0, and would drive a
+parasitic flow; it is left out. The normal part is the curvature times the dual area of the node.
+The dual area differs from a third of the triangles around the node; at a node of valence five the
+latter is 13 % smaller. Pressure therefore acts on dual areas as well: it then balances tension
+exactly on a sphere, and on other shapes no node of valence five or seven is pushed out of the
+surface.
 """
 
 from __future__ import annotations
@@ -45,45 +47,45 @@ from amoeboid.meshes.operators import (
     tensile_stiffness,
 )
 from amoeboid.numerics.compiled import compiled
-from amoeboid.numerics.sparse.banded import Factor, SingularMatrix
+from amoeboid.numerics.sparse import Factor, SingularMatrix
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import spin
+from amoeboid.surface.rigid import rotation
 
-# Rigid modes have no stiffness; a friction with this share of the viscosity, spread over an area
-# R0^2, makes the matrix regular. The constraints on translation and rotation then decide on these
-# modes. A share for every node would add up to a drag that grows with their number.
+# Rigid modes have no viscous resistance. A friction of this share of the viscosity, spread over an
+# area R0^2, makes the matrix regular; the constraints on translation and rotation then determine
+# these modes. A fixed friction of every node would add up to a drag that grows with their number.
 REGULARIZATION = 1e-7
-# Share of eta_s + eta_b that resists gradients of v.n: see above.
+# Viscosity that resists gradients of v.n, as a share of eta_s + eta_b; see the module.
 NORMAL_VISCOSITY = 1e-3
-# Work of the pressure on dual areas and on the volume may differ by this factor.
-LEAST_FACTOR = 0.3
+# Ratio of the works of the pressure on the volume and on dual areas: at least this, at most 1/this.
+MIN_FACTOR = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class TensionFlow:
-    """The velocity as a function of the tension that is still to be found: v = rest + zeta0 slope.
+    """The velocity as a linear function of the tension: v_at_zero_tension + zeta0 dv_dzeta0.
 
-    `rest`, `slope` (V, 3); v_p (V, 3) is contained in `rest`.
+    Each (V, 3); `v_at_zero_tension` includes v_p (V, 3).
     """
 
-    rest: Array
-    slope: Array
+    v_at_zero_tension: Array
+    dv_dzeta0: Array
     v_p: Array
 
     def v(self, zeta0: float) -> Array:
         """Full velocity at tension zeta0, (V, 3)."""
-        return self.rest + zeta0 * self.slope
+        return self.v_at_zero_tension + zeta0 * self.dv_dzeta0
 
 
 @dataclass(frozen=True, eq=False)
-class Cortex:
+class FactorizedCortex:
     """The factorized operator of the force balance on one shape, for time steps dt.
 
-    On the pattern of the mesh: `dissipation` (P, 3, 3) the blocks of K, `tension` and `damping`
-    (P,) the implicit tension and the normal viscosity, along `normals` (V, 3). `free` (3V, 6):
-    motions to keep the constraints by, translations and the response to torques spread over the
-    surface; `slope` (V, 3): the velocity that a unit of tension drives.
+    On the pattern of the mesh: `dissipation` (P, 3, 3) are the blocks of K; `tension` and `damping`
+    (P,) are the implicit tension and the normal viscosity, along `normals` (V, 3). The constraints
+    are fulfilled by adding the motions `free` (3V, 6): three translations, and three responses to
+    torques spread over the surface. `dv_dzeta0` (V, 3): the velocity that a unit of tension drives.
     """
 
     dt: float
@@ -93,12 +95,12 @@ class Cortex:
     normals: Array
     factor: Factor
     free: Array
-    slope: Array
+    dv_dzeta0: Array
 
 
-def cortex(
+def factorized_cortex(
     model: Model, r: Array, g: Geometry, dt: float, zeta0: float, v_c: Array | None = None
-) -> Cortex:
+) -> FactorizedCortex:
     """Assemble and factorize on the shape r (V, 3) for a step dt > 0.
 
     `zeta0` and `v_c` (V, 3; None: 0) are estimates of tension and flow, for the implicit tension.
@@ -112,8 +114,8 @@ def cortex(
     np.einsum("fii->fi", stress)[:] += zeta0
     tension = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
     dissipation = dissipation_blocks(g, mesh, p.eta_s, p.eta_b)
-    even = NORMAL_VISCOSITY * viscosity * stiffness(g, mesh)
-    damping = normal_projection(even, g.normals, mesh)
+    resistance = NORMAL_VISCOSITY * viscosity * stiffness(g, mesh)
+    damping = normal_projection(resistance, g.normals, mesh)
     matrix = normal_blocks(damping + dt * tension, g.normals, mesh)
     matrix += dissipation
     shift = REGULARIZATION * viscosity * g.node_areas / p.R0**2
@@ -123,13 +125,13 @@ def cortex(
     force = -tension_force(r, g, mesh.faces).reshape(-1, 1)
     response = factor.solve(np.hstack([force, kept[:, 3:]]))
     free = np.hstack([rigid_motions(r, g)[:, :3], response[:, 1:]])
-    slope = _in_frame(response[:, 0], free, kept)
-    return Cortex(dt, dissipation, tension, damping, g.normals, factor, free, slope)
+    dv_dzeta0 = _in_frame(response[:, 0], free, kept)
+    return FactorizedCortex(dt, dissipation, tension, damping, g.normals, factor, free, dv_dzeta0)
 
 
 def force_balance(
     model: Model,
-    near: Cortex,
+    factorized: FactorizedCortex,
     r: Array,
     g: Geometry,
     c: Array,
@@ -138,46 +140,47 @@ def force_balance(
     v_c: Array | None = None,
     turning: Array | None = None,
 ) -> TensionFlow:
-    """Solve the force balance on the shape r (V, 3) with concentration c (V,), with one `near` it.
+    """Solve the force balance on the shape r (V, 3) with concentration c (V,).
 
-    The frame follows the cell. `zeta0`: an estimate of the tension; the velocity is that of r
-    itself there, and as far from it as `near` says. `ahead` (V, 3): what r is ahead of the known
-    part of the step (None: not); implicit tension acts on the normal part of dt v - ahead. `v_c`
-    (V, 3): an estimate of the solution; with it the viscosity is that of r itself up to the error
-    of the estimate, without it that of `near`. `turning` (3,): the rate [1/T] at which the frame
-    turns (None: not); all velocities are those in it. Main text, force balance below `vp`; SI
-    `forcebalance2`. Raises InvalidInput where v_p(c) is not defined.
+    The solution uses the factorization `factorized` of a nearby shape. The frame follows the cell.
+    `zeta0`: an estimate of the tension; for this tension the velocity is that of the shape r, for
+    others the response is that of the factorized shape. `v_c` (V, 3): an estimate of the solution;
+    with it viscosity acts on the shape r, up to the error of the estimate, without it on the
+    factorized shape. `ahead` (V, 3): displacement of r from the known part of the step (None: 0);
+    implicit tension acts on the normal part of dt v - ahead. `turning` (3,): angular velocity of
+    the frame [1/T] (None: 0); all velocities are relative to it. Main text, force balance below
+    `vp`; SI `forcebalance2`. Raises InvalidInput where v_p(c) is not defined.
     """
     p, mesh = model.parameters, model.mesh
     v_p = model.v_p(r, c)[:, None] * g.normals
     push = p.delta_P * _pressure(r, g, mesh.faces)
     force = normal_force(push - zeta0 * area_gradient(g, mesh.faces), r, g)
     if p.alpha > 0:
-        # the stress -alpha c I acts like a negative, uneven tension
+        # the stress -alpha c I acts like a negative, inhomogeneous tension
         force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
-        force += block_product(near.dissipation, mesh, v_c)
+        force += block_product(factorized.dissipation, mesh, v_c)
         force += viscous_forces(g, mesh, v_c, p.eta_s, p.eta_b)
-        v_n += np.einsum("vi,vi->v", v_c, g.normals - near.normals)
-    moved = near.dt * v_n
+        v_n += np.einsum("vi,vi->v", v_c, g.normals - factorized.normals)
+    moved = factorized.dt * v_n
     if ahead is not None:
         moved -= np.einsum("vi,vi->v", ahead, g.normals)
-    resisted = product(near.damping, mesh, v_n) + product(near.tension, mesh, moved)
-    force -= resisted[:, None] * near.normals
+    resisted = product(factorized.damping, mesh, v_n) + product(factorized.tension, mesh, moved)
+    force -= resisted[:, None] * factorized.normals
     kept = constraints(r, g, mesh.faces)
     drift = np.concatenate([kept[:, :3].T @ v_p.ravel(), np.zeros(3)])
     if turning is not None:
-        drift[3:] = kept[:, 3:].T @ spin(turning, r).ravel()
-    v = v_p + _in_frame(near.factor.solve(force.ravel()), near.free, kept, drift)
-    return TensionFlow(rest=v - zeta0 * near.slope, slope=near.slope, v_p=v_p)
+        drift[3:] = kept[:, 3:].T @ rotation(turning, r).ravel()
+    v = v_p + _in_frame(factorized.factor.solve(force.ravel()), factorized.free, kept, drift)
+    return TensionFlow(v - zeta0 * factorized.dv_dzeta0, factorized.dv_dzeta0, v_p)
 
 
 def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) -> Array:
-    """v_c (3V,) as (V, 3), with what of `free` (3V, 6) fulfills the constraints `kept` (3V, 6).
+    """v_c (3V,) as (V, 3), plus motions `free` (3V, 6) to fulfill the constraints `kept` (3V, 6).
 
-    `drift` (6,) is what v_p adds to the first three, and the turning of the frame to the others.
-    The forces that this takes vanish with the time step and the mesh width.
+    `drift` (6,): the contribution of v_p to the first three constraints, and of the rotating frame
+    to the others. The forces that drive these motions vanish with the time step and the mesh width.
     """
     excess = kept.T @ v_c + drift
     return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
@@ -186,8 +189,8 @@ def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) 
 def constraints(r: Array, g: Geometry, faces: Index) -> Array:
     """Columns (3V, 6) whose products with a velocity vanish in the frame of the cell.
 
-    With v = v_c + v_p, three: the volume times the velocity of its center. With v_c, three: its
-    rotation.
+    The first three apply to v = v_c + v_p: the volume times the velocity of its center. The other
+    three apply to v_c: its rotation.
     """
     about = r - area_centroid(r, g)
     centered = r - volume_centroid(r, faces)
@@ -216,20 +219,20 @@ def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
 def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Node forces of a unit of pressure (V, 3): along the normals, on the dual areas [L^2].
 
-    Their size, one factor for all of them, is such that a cell that grows in proportion does the
-    work of its volume. On a sphere the factor is that of the mesh; on bent surfaces that the mesh
-    hardly resolves it differs from it by percents. Raises SingularMatrix where the dual areas are
-    no measure of the surface any more.
+    One factor scales all forces, such that their work under uniform growth of the cell equals that
+    of the pressure on the volume. The factor corrects the error of the mesh; on bent surfaces that
+    the mesh hardly resolves it changes by a few percent. Raises SingularMatrix where the dual areas
+    no longer measure the surface.
     """
     return normal_force(_pressure(r, g, faces), r, g)
 
 
 def _pressure(r: Array, g: Geometry, faces: Index) -> Array:
-    """`pressure_force` with the net force and torque that the mesh makes."""
+    """`pressure_force` including the net force and torque of discretization errors."""
     force = g.dual_areas[:, None] * g.normals
-    # about the center of area, where what `normal_force` takes off does no such work
+    # about the center of area, where the rigid part that `normal_force` removes does no work
     factor = 3.0 * volume(r, faces) / np.vdot(force, r - area_centroid(r, g))
-    if not LEAST_FACTOR < factor < 1.0 / LEAST_FACTOR:
+    if not MIN_FACTOR < factor < 1.0 / MIN_FACTOR:
         raise SingularMatrix("the mesh must resolve the surface, its dual areas do not")
     return np.asarray(force * factor)
 
@@ -237,10 +240,11 @@ def _pressure(r: Array, g: Geometry, faces: Index) -> Array:
 def normal_force(force: Array, r: Array, g: Geometry) -> Array:
     """Node forces (V, 3) without their tangential part, net force and net torque.
 
-    Net force and torque of `force` must vanish (those of any energy of the shape do) up to the
-    error of the mesh; what the projection adds to them is spread over the surface and taken off.
+    Net force and torque of `force` must vanish up to the error of the mesh, as they do for any
+    energy of the shape. The net force and torque of the normal part are subtracted, spread over the
+    surface by area.
     """
-    # areas about their center: translation and rotation uncouple
+    # about the center of area, where translation and rotation uncouple
     center = area_centroid(r, g)
     size, shift, torque, inertia = _normal_moments(force, g.normals, r, center, g.node_areas)
     turn = np.linalg.solve(inertia, torque)
@@ -278,16 +282,16 @@ def _normal_moments(force, normals, r, center, areas):  # type: ignore[no-untype
 
 @compiled
 def _without_rigid(size, normals, r, center, areas, shift, turn):  # type: ignore[no-untyped-def]
-    rest = np.empty(normals.shape)
+    forces = np.empty(normals.shape)
     for i in range(len(areas)):
         x, y, z = r[i, 0] - center[0], r[i, 1] - center[1], r[i, 2] - center[2]
         rigid_x = shift[0] + turn[1] * z - turn[2] * y
         rigid_y = shift[1] + turn[2] * x - turn[0] * z
         rigid_z = shift[2] + turn[0] * y - turn[1] * x
-        rest[i, 0] = size[i] * normals[i, 0] - areas[i] * rigid_x
-        rest[i, 1] = size[i] * normals[i, 1] - areas[i] * rigid_y
-        rest[i, 2] = size[i] * normals[i, 2] - areas[i] * rigid_z
-    return rest
+        forces[i, 0] = size[i] * normals[i, 0] - areas[i] * rigid_x
+        forces[i, 1] = size[i] * normals[i, 1] - areas[i] * rigid_y
+        forces[i, 2] = size[i] * normals[i, 2] - areas[i] * rigid_z
+    return forces
 
 
 def rigid_motions(r: Array, g: Geometry) -> Array:

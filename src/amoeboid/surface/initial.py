@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array, Index
+from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import SHORTEST_STEP, Config, Initial
 from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined, placed
 from amoeboid.meshes.connectivity import connectivity, narrow_numbering
 from amoeboid.meshes.files import surface_file
 from amoeboid.meshes.geometry import area, volume_centroid
-from amoeboid.meshes.relaxation import even_icosphere
+from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.equilibrium import flow_of, relaxed
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed
-from amoeboid.theory.linear import base_tension
 from amoeboid.validation import InvalidInput
 
 ROUNDING = 1e-12
@@ -83,7 +83,7 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
     defined at c0.
     """
     _check_law(p)
-    r, faces = even_icosphere(subdivisions)
+    r, faces = uniform_icosphere(subdivisions)
     model = Model(p, connectivity(faces))
     r = r * np.sqrt(model.A0 / area(r, faces))
     state = State(0.0, r, np.full(len(r), p.c0), float(base_tension(p)), np.zeros(3))

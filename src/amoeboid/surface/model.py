@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
+from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
 from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse.cholesky import BlockCholesky
-from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
-from amoeboid.theory.linear import growth_rate
+from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
 
 
 class Solvers:
@@ -31,14 +30,14 @@ class Solvers:
         return {"mesh": self.mesh}
 
     @cached_property
-    def vector_solver(self) -> BlockCholesky:
+    def vector_solver(self) -> SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        return BlockCholesky(self.mesh.row_start, self.mesh.columns)
+        return SparseCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
-    def scalar_solver(self) -> DominatedByDiagonal:
+    def scalar_solver(self) -> MMatrixLU:
         """Solver for (V, V) matrices of node concentrations."""
-        return DominatedByDiagonal(self.mesh.row_start, self.mesh.columns)
+        return MMatrixLU(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:
@@ -56,11 +55,12 @@ class Solvers:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Parameters on a connectivity; holds no solution.
+    """Parameters on a connectivity; contains no solution.
 
-    `edge_length` [L] is what remeshing aims at: that of equilateral triangles of the area A0, as
-    many as the run began with. `inputs`, if there are any: how parameters change in time, and a
-    cue; `parameters` and `cue` are then those at time `t` [T]. Made by `driven` and `at`.
+    `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
+    the total area A0, as many as at the beginning of the run. `inputs`, if there are any: how
+    parameters change in time, and a cue; `parameters` and `cue` are then those at time `t` [T].
+    Made by `driven` and `at`.
     """
 
     parameters: Parameters
@@ -153,12 +153,12 @@ class Model:
         return np.asarray(x / np.linalg.norm(x, axis=1)[:, None])
 
     @property
-    def vector_solver(self) -> BlockCholesky:
+    def vector_solver(self) -> SparseCholesky:
         """See Solvers."""
         return self.solvers.vector_solver
 
     @property
-    def scalar_solver(self) -> DominatedByDiagonal:
+    def scalar_solver(self) -> MMatrixLU:
         """See Solvers."""
         return self.solvers.scalar_solver
 

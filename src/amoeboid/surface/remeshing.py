@@ -27,5 +27,5 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
     if new is None:
         return model, state
     r, c, faces = new
-    changed = replace(state, r=r, c=c, turning=None)
+    changed = replace(state, r=r, c=c, angular_velocity=None)
     return model.on(connectivity(faces)), changed

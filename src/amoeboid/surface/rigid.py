@@ -1,4 +1,4 @@
-"""Motions of the whole cell: what they make of shape and concentration, and how fast it turns."""
+"""Rigid motions of the cell: how they change shape and concentration, and its angular velocity."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from amoeboid.numerics.compiled import compiled
 from amoeboid.surface.model import Model
 from amoeboid.surface.transport import rate_of_change
 
-# Mean square of what a rotation must change, c relative to c0 + c or r.n to R0, for the cell to
-# count as one that can turn around that axis.
-LEAST_CHANGE = 1e-4
-# Angle by which a cell is turned to see whether a cue acts on it differently then, and the rms
-# change of the factor per radian up to which it does not.
-TILT, SAME_FACTOR = 1e-4, 1e-7
+# A rotation is seen if it changes the cell by more than this, per radian: the mean square of the
+# changes of c, relative to c0 + c, and of r.n, relative to R0. It is damped below.
+MIN_CHANGE = 1e-4
+# Angle of a test rotation, and the largest rms change of a cue's factor per radian at which the
+# rotation counts as free.
+TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
 
 
 def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
@@ -33,16 +33,16 @@ def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
     slopes = np.einsum("fa,fad->fd", c[faces], g.gradients) * g.face_areas[:, None] / 3.0
     mean = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(c))
     mean /= g.node_areas[:, None]
-    # a step of iteration with the mass matrix: such a mean around a node is too flat
+    # the mean around a node is too flat: one step of iteration with the mass matrix corrects it
     entries = mass(g, mesh)
     blurred = [product(entries, mesh, slope) for slope in mean.T]
     return np.asarray(2.0 * mean - np.transpose(blurred) / g.node_areas[:, None])
 
 
 def changes(motions: Sequence[Array], slope: Array, normals: Array, length: float) -> Array:
-    """Changes (2V, k) of c and of r.n/`length` at fixed places, as `motions` (V, 3) carry the cell.
+    """Changes (2V, k) of c and of r.n/`length` at fixed points under k rigid `motions` (V, 3).
 
-    `slope` (V, 3) is the gradient of c, in whatever unit the change of c is wanted.
+    `slope` (V, 3): the gradient of c, in the unit in which the change of c is wanted.
     """
     columns = [
         np.concatenate(
@@ -62,20 +62,20 @@ def translations(x: Array) -> list[Array]:
 
 
 def rotations(x: Array, axes: Array) -> list[Array]:
-    """Velocities of nodes x (V, 3) that turn around `axes` (k, 3) at unit rates."""
+    """Velocities of nodes x (V, 3) that rotate with unit angular velocity around `axes` (k, 3)."""
     return [np.cross(axis, x) for axis in axes]
 
 
 def free_axes(model: Model, r: Array) -> Array:
-    """Orthonormal axes (k, 3) about which a rotated cell r (V, 3) meets the same surroundings.
+    """Orthonormal axes (k, 3): rotated about them, the cell r (V, 3) is under the same cue.
 
-    All three without a cue, the axis of a cue along one direction, none in general.
+    Three without a cue, one for a cue along one direction, none in general.
     """
     return _axes(model, r)[0]
 
 
-def held_axes(model: Model, r: Array) -> Array:
-    """The orthonormal axes (k, 3) about which it does not, those that a cue holds the cell to."""
+def cue_axes(model: Model, r: Array) -> Array:
+    """The other orthonormal axes (k, 3): about these a cue holds the cell."""
     return _axes(model, r)[1]
 
 
@@ -84,25 +84,25 @@ def _axes(model: Model, r: Array) -> tuple[Array, Array]:
         return np.eye(3), np.zeros((0, 3))
     directions = model.directions(r)
     differences = [
-        model.cue_factor(turned(directions, TILT * axis, 1.0))
-        - model.cue_factor(turned(directions, -TILT * axis, 1.0))
+        model.cue_factor(rotated(directions, TILT * axis, 1.0))
+        - model.cue_factor(rotated(directions, -TILT * axis, 1.0))
         for axis in np.eye(3)
     ]
     _, sizes, axes = np.linalg.svd(np.stack(differences, axis=1) / (2.0 * TILT * np.sqrt(len(r))))
-    free = sizes < SAME_FACTOR
+    free = sizes < MAX_FREE_CHANGE
     return axes[free], axes[~free]
 
 
-def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:
-    """Rate (3,) [1/T] at which shape and concentration turn, in the axes of the velocity v (V, 3).
+def angular_velocity(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:
+    """Angular velocity (3,) [1/T] of shape and concentration, for filaments of velocity v (V, 3).
 
-    That of the rotation which comes closest to how both change. A cell that only turns, as on a
-    circle, does so at exactly this rate in the discrete equations as well.
+    It is that of the rotation closest to the present change of both, in the frame of v. For a cell
+    that rotates rigidly, as on a circular path, it is exact in the discrete equations as well.
     """
     p, mesh = model.parameters, model.mesh
     x = r - volume_centroid(r, mesh.faces)
-    # rates of change where the points of the surface move along its normals: of those that the
-    # cell would have to turn around the axes, in columns, and of what it does
+    # rates of change at points that move along the normals: `basis` those of a cell that rotates
+    # around the three axes, in columns, and `change` the actual ones
     tilt = _moments(x, g.normals)
     carried = _carried(g.face_areas, g.gradients, mesh.faces, c, x) / g.node_areas[:, None]
     v_n = np.einsum("vi,vi->v", v, g.normals)
@@ -112,7 +112,7 @@ def turning_rate(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Arr
     basis = np.concatenate([(of_c * (carried - (bend * c)[:, None] * tilt).T).T, of_r * tilt])
     change = np.concatenate([of_c * (c_rate - bend * c * v_n), of_r * v_n])
     weighted = (np.tile(g.node_areas / g.area, 2) * basis.T).T
-    return np.linalg.solve(basis.T @ weighted + LEAST_CHANGE * np.eye(3), weighted.T @ change)
+    return np.linalg.solve(basis.T @ weighted + MIN_CHANGE * np.eye(3), weighted.T @ change)
 
 
 @compiled
@@ -145,16 +145,16 @@ def _carried(areas, gradients, faces, c, x):  # type: ignore[no-untyped-def]
     return carried
 
 
-def turned(vectors: Array, rate: Array, time: float) -> Array:
-    """Vectors (V, 3) after they have turned at `rate` (3,) [1/T] for a time."""
-    angle = float(np.linalg.norm(rate)) * time
+def rotated(vectors: Array, angular_velocity: Array, time: float) -> Array:
+    """Vectors (V, 3) after a rotation with `angular_velocity` (3,) [1/T] for a time."""
+    angle = float(np.linalg.norm(angular_velocity)) * time
     if angle == 0.0:
         return vectors
-    axis = rate * (time / angle)
+    axis = angular_velocity * (time / angle)
     across = np.cross(axis, np.eye(3))
     return vectors + vectors @ (np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across)
 
 
-def spin(rate: Array, x: Array) -> Array:
-    """Velocities (V, 3) of points x (V, 3) that turn around the origin at `rate` (3,)."""
-    return x @ np.cross(rate, np.eye(3))
+def rotation(angular_velocity: Array, x: Array) -> Array:
+    """Velocities (V, 3) of points x (V, 3) that rotate around the origin, angular velocity (3,)."""
+    return x @ np.cross(angular_velocity, np.eye(3))

@@ -1,20 +1,21 @@
-"""How fast small disturbances of a steady cell grow.
+"""Growth rates of small perturbations of a steady cell.
 
-An implicit Euler step of length dt multiplies a disturbance that grows at lambda by
-mu = 1/(1 - lambda dt). Arnoldi's iteration finds the outlying mu of the linearized step: those of
-the slowest modes, whose mu is not near 0 (L. S. Tuckerman and D. Barkley, in IMA Volumes 119, 453,
-2000). With dt = 1/rate few of them are: the step (`linearized.py`) need not be one that a run could
-make. Where filaments are swept to the rear the map is far from normal, and small errors of it make
-larger ones of lambda: the error of a rate is estimated and belongs to it.
+An implicit Euler step of length dt multiplies a perturbation of growth rate lambda by the factor
+mu = 1/(1 - lambda dt). Arnoldi's iteration finds the outlying eigenvalues mu of the linearized
+step. They belong to the slowest modes; mu is near 0 for all others (L. S. Tuckerman and D. Barkley,
+in IMA Volumes 119, 453, 2000). With dt = 1/rate only few mu are outlying. The linearized step
+(`linearized.py`) may be longer than any step of a run. Where filaments are swept to the rear the
+map is far from normal, and small errors of the map cause larger errors of lambda. Every growth rate
+therefore comes with an estimate of its error.
 
-Rigid motions of the cell are neutral, but on a mesh they seem to grow or decay a little, and would
-hide slow modes: the equations of motion are restricted to what is orthogonal to them. That leaves
-the other rates as they are where the mesh resolves the cell; where it does not, growth may appear
-that the steps themselves do not show. Without turnover the number of filaments is kept, and a
-disturbance that changes it is none of this cell. A cue makes rotations about other axes than its
-own decay or grow for good: they are no neutral motions then.
+Rigid motions of the cell are neutral, but on a mesh they seem to grow or decay slightly, and would
+hide slow modes. The equations of motion are therefore restricted to perturbations orthogonal to
+rigid motions. This does not affect the other growth rates where the mesh resolves the cell. Where
+it does not, growth may be found that does not appear in a run. Without turnover the number of
+filaments is conserved, and perturbations that change it are excluded as well. Under a cue,
+rotations about other axes than its own are not neutral and are included.
 
-The cell may turn while it is disturbed, but slowly: as much as `dt` turns it is neglected.
+The cell may rotate slowly; the rotation during `dt` is neglected.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
 from amoeboid.numerics.arnoldi import ritz_values
 from amoeboid.numerics.recycling import NoConvergence
-from amoeboid.numerics.sparse.banded import SingularMatrix
+from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
@@ -37,36 +38,36 @@ from amoeboid.surface.rigid import changes, free_axes, gradient, rotations, tran
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
-# Length of the step in units of 1/model.rate, and the shares of it that are tried in turn where
-# its equations cannot be solved. Modes of shorter steps lie closer together.
+# Length of the step in units of 1/model.rate, and the shares of it that are tried in turn if the
+# equations of the step cannot be solved. The shorter the step, the closer the eigenvalues mu.
 STEP, SHARES = 1.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
 TOLERANCE = 1e-5
-# Smaller factors are modes that die out within a step, and noise.
-LEAST_FACTOR = 0.1
-# Estimated error of a rate at which it counts as found, in units of model.rate.
-SETTLED = 0.02
-# A rate whose sign is still open goes on down to this error.
-SHARPEST = 1e-3
-# Condition numbers of the compressed map are below those of the map itself, by up to so much.
+# Factors mu below this belong to modes that decay within a step, or are noise.
+MIN_FACTOR = 0.1
+# A growth rate is accepted if its estimated error is below this, in units of model.rate.
+MAX_ERROR = 0.02
+# If the sign of the growth rate is not certain, the error is reduced further, down to this.
+MIN_ERROR = 1e-3
+# The condition numbers of the projected map underestimate those of the map by up to this factor.
 SAFETY = 3.0
-# Share of the error that counts for little.
-LITTLE = 0.3
+# A contribution below this share of the error is unimportant.
+SMALL_SHARE = 0.3
 MIN_APPLICATIONS, MAX_APPLICATIONS = 8, 100
-# The start has a part in every harmonic up to this degree.
+# The iteration starts from a sum of all spherical harmonics up to this degree.
 DEGREE = 3
-# Rigid motions that change the cell by less than this share of the largest are none: rotations of
-# a sphere or around an axis of symmetry.
-NO_MOTION = 0.02
+# Rigid motions that change the cell by less than this share of the largest change are ignored:
+# rotations of a sphere or around an axis of symmetry.
+MIN_MOTION = 0.02
 
 
 @dataclass(frozen=True)
 class Growth:
-    """Growth rate of the fastest growing disturbance of a steady state, and its error [1/T].
+    """Growth rate of the fastest growing perturbation of a steady state, and its error [1/T].
 
-    Negative if all decay; that of an oscillating one is the real part. The error is that of the
-    rate of this discrete cell; that of the mesh comes on top. `rate` is None and `error` infinite
-    where no rate was found; `problem` then says why.
+    The rate is negative if all perturbations decay; for an oscillating one it is the real part. The
+    error is relative to the discrete cell, without the error of the mesh. If no growth rate was
+    found, `rate` is None, `error` is infinite, and `problem` says why.
     """
 
     rate: float | None
@@ -80,19 +81,19 @@ def leading_growth_rate(
     flow: Flow,
     step: float = STEP,
     tolerance: float = TOLERANCE,
-    settled: float = SETTLED,
+    max_error: float = MAX_ERROR,
 ) -> Growth:
-    """How fast the fastest growing disturbance of a steady state grows.
+    """The growth rate of the fastest growing perturbation of a steady state.
 
-    `flow`: that in `state`; `step` and `settled`, the error to aim at, in units of 1/model.rate and
-    model.rate.
+    `flow`: the flow in `state`. `step`: the length of the linearized step in units of 1/model.rate;
+    `max_error`: the error to aim at in units of model.rate.
     """
     problem = ""
     for share in SHARES:
         try:
-            found = _with_steps(model, state, flow, share * step, tolerance, settled)
+            found = _with_steps(model, state, flow, share * step, tolerance, max_error)
         except (NoConvergence, SingularMatrix, InvalidInput, np.linalg.LinAlgError) as error:
-            problem = problem or f"the cell could not be disturbed: {error}"
+            problem = problem or f"the cell could not be perturbed: {error}"
             continue
         if found.rate is not None:
             return found
@@ -101,15 +102,15 @@ def leading_growth_rate(
 
 
 def _with_steps(
-    model: Model, state: State, flow: Flow, step: float, tolerance: float, settled: float
+    model: Model, state: State, flow: Flow, step: float, tolerance: float, max_error: float
 ) -> Growth:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance)
-    wanted, sharpest = settled * model.rate, min(SHARPEST, settled) * model.rate
-    best = Growth(None, problem="no disturbance was found that decays slowly enough to be seen")
+    wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
+    best = Growth(None, problem="no perturbation was found that decays slowly enough")
     for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
         if count > MAX_APPLICATIONS:
             break
-        seen = np.flatnonzero(np.abs(found.values) > LEAST_FACTOR)
+        seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
         if count < MIN_APPLICATIONS or not len(seen):
             continue
         mu = found.values[seen]
@@ -117,18 +118,18 @@ def _with_steps(
         residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
         first = int(np.argmax(rates))
         rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
-        # that of the first, or what another may become
-        left = max(weight * residuals[first], float((rates + residuals).max()) - rate)
-        error = left
-        if left < wanted:
+        # error of the largest rate, or another rate may turn out to be the largest
+        iteration_error = max(weight * residuals[first], float((rates + residuals).max()) - rate)
+        error = iteration_error
+        if iteration_error < wanted:
             tested = restricted.residual(found.vector(int(seen[first])), mu[first])
-            error = max(left, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
+            error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
         if not np.isfinite(error):
             continue
         best = Growth(rate, float(error))
-        found_out = error < wanted and (abs(rate) > error or error < sharpest)
-        # or it does not become less by further applications
-        if found_out or (left < wanted and left < LITTLE * error):
+        accurate = error < wanted and (abs(rate) > error or error < smallest)
+        # or further applications would not reduce the error
+        if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):
             break
     return best
 
@@ -141,38 +142,41 @@ class RestrictedStep:
         self._step = LinearizedStep(model, state, flow, dt)
         slope = gradient(state.c, self._step.g, model.mesh)
         slope /= (model.parameters.c0 + state.c)[:, None]
-        self._left_out = _left_out(model, state, self._step.g, slope)
-        images = [self._step.image(y, tolerance) for y in self._left_out.T]
-        self._of_left_out = np.reshape(images, self._left_out.T.shape).T
-        self._inverse = np.linalg.inv(self._left_out.T @ self._of_left_out)
+        self._excluded = _excluded(model, state, self._step.g, slope)
+        images = [self._step.image(y, tolerance) for y in self._excluded.T]
+        self._excluded_images = np.reshape(images, self._excluded.T.shape).T
+        self._inverse = np.linalg.inv(self._excluded.T @ self._excluded_images)
 
     def image(self, y: Array) -> Array:
-        """What the step makes of a disturbance y (2V,). Raises NoConvergence."""
+        """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
         return self._restricted(self._step.image(y, self._tolerance))
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
-        """How far `mode` (2V,), of length 1, is from being multiplied by mu."""
+        """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
+
+        The equations of the step are evaluated with the opposite sign of the perturbation, so that
+        the residual includes deviations of the map from a linear one.
+        """
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                left = self._step.remainder(x, y, self._tolerance)
-                parts.append(self._restricted(left))
+                parts.append(self._restricted(self._step.residual(x, y, self._tolerance)))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
-        """A disturbance (2V,) to start from."""
+        """The perturbation (2V,) that the iteration starts from."""
         y = _start(self.state, self.model)
-        return np.asarray(y - self._left_out @ (self._left_out.T @ y))
+        return np.asarray(y - self._excluded @ (self._excluded.T @ y))
 
     def _restricted(self, x: Array) -> Array:
-        """The solution x (2V,) of a step with the motions left out kept at zero by their forces."""
-        kept = self._left_out.T @ x
-        x = x - self._of_left_out @ (self._inverse @ kept)
-        return np.asarray(x - self._left_out @ (self._left_out.T @ x))
+        """The solution x (2V,) of a step under the constraint that excluded motions vanish."""
+        kept = self._excluded.T @ x
+        x = x - self._excluded_images @ (self._inverse @ kept)
+        return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
 
-def _left_out(model: Model, state: State, g: Geometry, slope: Array) -> Array:
-    """Orthonormal disturbances (2V, k) that the map is restricted from; see the module.
+def _excluded(model: Model, state: State, g: Geometry, slope: Array) -> Array:
+    """Orthonormal perturbations (2V, k) that are excluded; see the module.
 
     `slope` (V, 3): the gradient of c over c0 + c.
     """
@@ -181,7 +185,7 @@ def _left_out(model: Model, state: State, g: Geometry, slope: Array) -> Array:
     turns = rotations(x, free_axes(model, state.r))
     motions = [p.R0 * motion for motion in (*translations(x), *turns)]
     rigid, sizes, _ = np.linalg.svd(changes(motions, slope, g.normals, p.R0), full_matrices=False)
-    columns = [rigid[:, sizes > NO_MOTION * sizes[0]]]
+    columns = [rigid[:, sizes > MIN_MOTION * sizes[0]]]
     if p.beta == 0.0:
         of_shape = weighted_area_gradient(g, faces, state.c[faces].mean(axis=1))
         along = p.R0 * np.einsum("vi,vi->v", of_shape, g.normals)
@@ -190,7 +194,7 @@ def _left_out(model: Model, state: State, g: Geometry, slope: Array) -> Array:
 
 
 def _start(state: State, model: Model) -> Array:
-    """A smooth disturbance of no symmetry, the same for the same cell."""
+    """A smooth perturbation without symmetry, the same for the same cell."""
     x = state.r - volume_centroid(state.r, model.mesh.faces)
     patterns = np.stack(
         [

@@ -11,10 +11,10 @@ from amoeboid.arrays import Array
 class State:
     """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
 
-    The nodes live in a frame that follows the cell; `position` (3,) is how far the cell has come
-    if all drag is on the cortex, uniformly: in the frame where the mean cortex velocity vanishes.
-    `turning` (3,) [1/T]: the rate at which shape and concentration turn, in axes that do not; None
-    where no step on this mesh has led here.
+    The nodes are relative to a frame that follows the cell. `position` (3,): the path of the cell
+    if all drag is on the cortex, uniformly, that is in the frame where the mean cortex velocity
+    vanishes. `angular_velocity` (3,) [1/T]: that of shape and concentration, relative to fixed
+    axes; None if no step on this mesh has led to this state.
     """
 
     t: float
@@ -22,15 +22,15 @@ class State:
     c: Array
     zeta0: float
     position: Array
-    turning: Array | None = None
+    angular_velocity: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """Velocities at the nodes (V, 3) in the frame of the nodes, and the tension with them.
+    """Velocities at the nodes (V, 3), in the frame of the nodes, and the tension.
 
-    v_c cortex velocity, v_p polymerization velocity; v = v_c + v_p moves the shape. `normals`
-    (V, 3) outward, `node_areas` (V,) their share of the area.
+    v_c is the cortex velocity, v_p the polymerization velocity; v = v_c + v_p moves the shape.
+    `normals` (V, 3) point outward, `node_areas` (V,) are the areas of the nodes.
     """
 
     v_c: Array

@@ -44,7 +44,7 @@ from amoeboid.numerics.sparse.tiles import (
 # Unknowns of a node.
 SIZE = 3
 # Nodes in a piece that is not divided further.
-MOST = 8
+MAX_UNDIVIDED = 8
 # Right-hand sides that are solved for together.
 VECTORS = 4
 # Columns of a panel that are brought up to date together.
@@ -56,7 +56,7 @@ _cholesky_6, _cholesky_3 = cholesky(COLUMNS), cholesky(SIZE)
 _dots_31, _dots_34 = dots(SIZE, 1), dots(SIZE, VECTORS)
 
 
-class BlockCholesky:
+class SparseCholesky:
     """Cholesky factorization of matrices with 3 x 3 blocks on one symmetric pattern.
 
     The pattern of V nodes is in compressed rows and contains the diagonal. Kept are the analysis of
@@ -65,7 +65,7 @@ class BlockCholesky:
 
     def __init__(self, row_start: Index, columns: Index) -> None:
         self.n, self._entries = SIZE * (len(row_start) - 1), len(columns)
-        self._fronts = fronts(row_start, columns, SIZE, MOST)
+        self._fronts = fronts(row_start, columns, SIZE, MAX_UNDIVIDED)
         self._updates = np.zeros(self._fronts.updates)
         self._unused: list[Array] = []
 

@@ -15,7 +15,7 @@ from amoeboid.arrays import Index
 from amoeboid.numerics.compiled import compiled, nested
 
 # Least share of the nodes of a piece that either side of a cut should have.
-LEAST_SHARE = 0.3
+MIN_SHARE = 0.3
 # Rounds of shortening a separator.
 ROUNDS = 8
 LEFT, RIGHT, CUT = 0, 1, 2
@@ -139,20 +139,20 @@ def _middle(level, queue, size):  # type: ignore[no-untyped-def]
             k += 1
         balance = min(begin, size - k) / size
         cost = (k - begin) * (1.0 + (0.5 - balance))
-        if balance >= LEAST_SHARE and cost < least:
+        if balance >= MIN_SHARE and cost < least:
             best, least = level[queue[begin]], cost
     return best
 
 
 @nested
 def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: ignore[no-untyped-def]
-    """Move nodes of the separator to a side where that makes it smaller or the halves more even."""
+    """Move nodes of the separator to a side if this shortens it or balances the halves better."""
     sizes = np.zeros(3, np.int64)
     for k in range(size):
         sizes[side[queue[k]]] += 1
     if min(sizes[LEFT], sizes[RIGHT]) == 0:
         return
-    least = int(LEAST_SHARE * size)
+    least = int(MIN_SHARE * size)
     for _ in range(ROUNDS):
         moved = 0
         for k in range(size):
@@ -169,8 +169,10 @@ def _shorten(row_start, columns, queue, size, piece, stamp, side):  # type: igno
                 to = LEFT if sizes[LEFT] < sizes[RIGHT] else RIGHT
             other = 1 - to
             lost = touched[other]
-            even = lost == 1 and sizes[to] + 1 < sizes[other]
-            if not (lost == 0 or even) or sizes[other] - lost < max(1, min(least, sizes[other])):
+            balanced = lost == 1 and sizes[to] + 1 < sizes[other]
+            if not (lost == 0 or balanced) or sizes[other] - lost < max(
+                1, min(least, sizes[other])
+            ):
                 continue
             side[v] = to
             sizes[to] += 1

@@ -33,7 +33,7 @@ from amoeboid.numerics.sparse.fronts import (
 from amoeboid.numerics.sparse.tiles import ROWS, TILE, address, dots, gauss, scatter, subtract
 
 # Nodes in a piece that is not divided further.
-MOST = 16
+MAX_UNDIVIDED = 16
 # Residuals, as shares of |A| |x| + |b| (sums of magnitudes): one that is rounding, so that the
 # guess is the solution, and the largest accepted without an exchange of rows.
 ROUNDING = 1e-15
@@ -43,7 +43,7 @@ _dot = dots(1, 1)
 _gauss_6, _gauss_3, _gauss_1 = gauss(6), gauss(3), gauss(1)
 
 
-class DominatedByDiagonal:
+class MMatrixLU:
     """Solver for (n, n) matrices of one sparsity, in compressed rows.
 
     The pattern must be symmetric, contain the diagonal, and list the columns of a row ascending.
@@ -55,7 +55,7 @@ class DominatedByDiagonal:
 
     @cached_property
     def _fronts(self) -> Fronts:
-        return fronts(self._row_start, self._columns, 1, MOST)
+        return fronts(self._row_start, self._columns, 1, MAX_UNDIVIDED)
 
     @cached_property
     def _rows(self) -> Index:

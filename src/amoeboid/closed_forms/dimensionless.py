@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.theory.amplitude import cubic_coefficient
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput
 
 

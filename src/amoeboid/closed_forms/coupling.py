@@ -28,14 +28,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     driving_slope,
     elastic_slope,
     flow_response,
     growth_rate,
     shape_response,
 )
-from amoeboid.theory.points import Points, finite_result
+from amoeboid.closed_forms.points import Points, finite_result
 
 SHAPE_SQUARED = 5 / 7
 """Coefficient of rho_2^2 in rho_2: curvature and tension at second order, at any pressure."""

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.linear import growth_rate
-from amoeboid.theory.points import Points, finite_result
+from amoeboid.closed_forms.linear import growth_rate
+from amoeboid.closed_forms.points import Points, finite_result
 from amoeboid.validation import InvalidInput
 
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.linear import (
     driving_slope,
     elastic_slope,
     flow_response,
     shape_response,
 )
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput
 
 

@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.theory.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
-from amoeboid.theory.linear import critical_speed
-from amoeboid.theory.points import AnyPoints, Points, finite_result, infinite_pressure
+from amoeboid.closed_forms.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
+from amoeboid.closed_forms.linear import critical_speed
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, infinite_pressure
 from amoeboid.validation import InvalidInput
 
 SUPERCRITICAL, SUBCRITICAL = "supercritical", "subcritical"

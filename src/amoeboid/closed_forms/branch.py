@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.amplitude import (
+from amoeboid.closed_forms.amplitude import (
     NormalForm,
     at_threshold,
     cubic_coefficient_at_speed,
     eliminated,
     second_harmonic,
 )
-from amoeboid.theory.flow import Harmonics, max_retrograde_speed
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.flow import Harmonics, max_retrograde_speed
+from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_slope,
     critical_speed,
@@ -31,7 +31,7 @@ from amoeboid.theory.linear import (
     growth_rate,
     slowest_rate,
 )
-from amoeboid.theory.points import AnyPoints, Points, finite_result
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result
 
 # Step, relative to v_p0, of the five-point differences: truncation ~ STEP^4, rounding ~ eps/STEP^2.
 STEP = 1e-3

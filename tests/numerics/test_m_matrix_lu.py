@@ -8,9 +8,7 @@ from scipy.sparse.linalg import splu
 from amoeboid.meshes.geometry import geometry
 from amoeboid.meshes.operators import advection, stiffness
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse import m_matrix_lu as dominated
-from amoeboid.numerics.sparse.banded import SingularMatrix
-from amoeboid.numerics.sparse.m_matrix_lu import DominatedByDiagonal
+from amoeboid.numerics.sparse import MMatrixLU, SingularMatrix, m_matrix_lu
 from amoeboid.surface.model import Model
 from amoeboid.surface.transport import added_diffusion
 from surface.shapes import irregular, lumpy, octahedron, shuffled, tetrahedron
@@ -48,11 +46,11 @@ TRANSPORT = [
 def test_solutions_are_those_of_superlu(D, dt, speed, subdivisions):
     mesh, entries, areas = transport_matrix(subdivisions, D, dt, speed)
     b = areas * np.random.default_rng(1).uniform(0, 5, len(areas))
-    solver = DominatedByDiagonal(mesh.row_start, mesh.columns)
+    solver = MMatrixLU(mesh.row_start, mesh.columns)
     x = solver.solve(entries, b, b / areas)
     exact = splu(sparse(mesh.rows, mesh.columns, entries, mesh.n_nodes)).solve(b)
     np.testing.assert_allclose(x, exact, atol=1e-11 * exact.max())
-    again = DominatedByDiagonal(mesh.row_start, mesh.columns).solve(entries, b, b / areas)
+    again = MMatrixLU(mesh.row_start, mesh.columns).solve(entries, b, b / areas)
     assert np.array_equal(x, again)
     # another guess, the same solution
     cold = solver.solve(entries, b, np.zeros_like(b))
@@ -64,7 +62,7 @@ def test_solutions_are_those_of_superlu(D, dt, speed, subdivisions):
 @pytest.mark.parametrize("shape", [tetrahedron, octahedron, irregular, shuffled])
 @pytest.mark.parametrize("most", [1, 2, 5, 16, 1000])
 def test_matrices_without_any_structure_but_domination_are_solved(shape, most, monkeypatch):
-    monkeypatch.setattr(dominated, "MOST", most)
+    monkeypatch.setattr(m_matrix_lu, "MAX_UNDIVIDED", most)
     _, mesh = shape()
     rng = np.random.default_rng(0)
     entries = -rng.uniform(size=len(mesh.columns))
@@ -73,7 +71,7 @@ def test_matrices_without_any_structure_but_domination_are_solved(shape, most, m
     sums = np.bincount(mesh.columns, entries)
     entries[diagonal] = rng.uniform(0.01, 1, mesh.n_nodes) - sums
     b = rng.normal(size=mesh.n_nodes)
-    solver = DominatedByDiagonal(mesh.row_start, mesh.columns)
+    solver = MMatrixLU(mesh.row_start, mesh.columns)
     x = solver.solve(entries, b, 0 * b)
     assert "_direct" not in vars(solver)
     exact = splu(sparse(mesh.rows, mesh.columns, entries, mesh.n_nodes)).solve(b)
@@ -83,7 +81,7 @@ def test_matrices_without_any_structure_but_domination_are_solved(shape, most, m
 @pytest.mark.parametrize(("D", "dt", "speed"), TRANSPORT)
 def test_filaments_and_their_sign_are_kept_over_many_steps(D, dt, speed):
     mesh, entries, areas = transport_matrix(4, D, dt, speed)
-    solver = DominatedByDiagonal(mesh.row_start, mesh.columns)
+    solver = MMatrixLU(mesh.row_start, mesh.columns)
     rng = np.random.default_rng(2)
     c = rng.uniform(0, 5, len(areas)) * (rng.uniform(size=len(areas)) < 0.2)
     number = areas @ c
@@ -104,13 +102,13 @@ def test_elimination_in_order_that_loses_digits_is_not_accepted(tiny):
     entries[mesh.rows == mesh.columns] = tiny
     b = np.random.default_rng(3).normal(size=mesh.n_nodes)
     exact = splu(sparse(mesh.rows, mesh.columns, entries, mesh.n_nodes)).solve(b)
-    x = DominatedByDiagonal(mesh.row_start, mesh.columns).solve(entries, b, 0 * b)
+    x = MMatrixLU(mesh.row_start, mesh.columns).solve(entries, b, 0 * b)
     np.testing.assert_allclose(x, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
 
 
 def test_matrices_that_are_not_dominated_are_solved_with_exchange_of_rows():
     mesh, entries, areas = transport_matrix(3, 0.4, 0.1, 2.0)
-    solver = DominatedByDiagonal(mesh.row_start, mesh.columns)
+    solver = MMatrixLU(mesh.row_start, mesh.columns)
     b = np.random.default_rng(3).normal(size=len(areas))
     wild = np.random.default_rng(4).normal(size=len(entries))
     exact = splu(sparse(mesh.rows, mesh.columns, wild, mesh.n_nodes)).solve(b)

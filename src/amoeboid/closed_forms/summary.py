@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from amoeboid.model.parameters import Parameters
-from amoeboid.theory.amplitude import (
+from amoeboid.closed_forms.amplitude import (
     at_threshold,
     bifurcation,
     normal_form_at_infinite_pressure,
 )
-from amoeboid.theory.branch import Prediction, harmonics, prediction, trusted_distance
-from amoeboid.theory.flow import rho_2
-from amoeboid.theory.linear import (
+from amoeboid.closed_forms.branch import Prediction, harmonics, prediction, trusted_distance
+from amoeboid.closed_forms.flow import rho_2
+from amoeboid.closed_forms.linear import (
     FirstMode,
     Thresholds,
     base_tension,
@@ -24,7 +23,8 @@ from amoeboid.theory.linear import (
     growth_rate,
     thresholds,
 )
-from amoeboid.theory.points import infinite_pressure
+from amoeboid.closed_forms.points import infinite_pressure
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 L_MAX = 6

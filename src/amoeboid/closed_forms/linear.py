@@ -15,15 +15,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.model.polymerization import Exponential, Inverse
-from amoeboid.theory.points import AnyPoints, Points, finite_result, points
-from amoeboid.theory.roots import roots_about
 from amoeboid.validation import InvalidInput
 
 # A law that scales with v_p0 to this accuracy over the whole range of the root search has the
 # threshold that the closed form gives, to the same accuracy.
 PROPORTIONAL = 1e-12
-MOST_THRESHOLDS = 100
+MAX_THRESHOLDS = 100
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
         return Thresholds(_representable(np.array([target / slope])), np.array([True]), "")
     scale = abs(target) * float(p.c_r) or float(p.v_p0) or 1.0
     roots = roots_about(lambda v: growth_rate(p.at_speed(v), l), scale)
-    found = list(islice(roots, MOST_THRESHOLDS))
+    found = list(islice(roots, MAX_THRESHOLDS))
     if not found:
         return _none("lambda is never 0 for this law within 8 decades of its natural speed scale")
     return Thresholds(np.array(found), np.array([_rises(p, v, l) for v in found]), "")
@@ -260,7 +260,7 @@ def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:
     scale = onsets.get(1) or float(p.c_r) * float(p.beta * p.R0 + p.D / p.R0) or 1.0
     for l in range(2, l_max + 1):
         rate = partial(_slowest, p, l)
-        roots = islice(roots_about(rate, scale), MOST_THRESHOLDS)
+        roots = islice(roots_about(rate, scale), MAX_THRESHOLDS)
         rising = next((v for v in roots if _is_positive(rate, v * (1 + 1e-6))), None)
         if rising is not None:
             onsets[l] = rising

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.theory.amplitude import cubic_coefficient_at_speed, second_harmonic
-from amoeboid.theory.linear import MOST_THRESHOLDS, driving_slope, thresholds
-from amoeboid.theory.points import AnyPoints, Points, points
-from amoeboid.theory.roots import roots_about
+from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed, second_harmonic
+from amoeboid.closed_forms.linear import MAX_THRESHOLDS, driving_slope, thresholds
+from amoeboid.closed_forms.points import AnyPoints, Points, points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.validation import InvalidInput
 
 
@@ -67,5 +67,5 @@ def _crossings(p: Points) -> list[tuple[float, float]]:
         nu, rate = cubic_coefficient_at_speed(at), second_harmonic(at).rate_at_rest
         return np.where(allowed, nu * rate, np.nan)
 
-    roots = islice(roots_about(numerator, float(start.v_p0[0])), MOST_THRESHOLDS)
+    roots = islice(roots_about(numerator, float(start.v_p0[0])), MAX_THRESHOLDS)
     return [(float(diffusion_at_threshold(p, v)), v) for v in roots]
