@@ -4,7 +4,8 @@ import os
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
-from hypothesis import HealthCheck, settings  # noqa: E402  (after the thread settings)
+import pytest  # noqa: E402  (after the thread settings)
+from hypothesis import HealthCheck, settings  # noqa: E402
 
 # deterministic examples, no deadline: the machine may be busy
 settings.register_profile(
@@ -15,3 +16,14 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("amoeboid")
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """Runs in this process write an empty picture of the cell: VTK would take seconds for each.
+
+    test_drawing.py, test_output.py and test_units_on_pictures.py look at real ones.
+    """
+    monkeypatch.setattr(
+        "amoeboid.plotting.cell.save_cell_picture", lambda path, step: path.write_bytes(b"")
+    )

@@ -24,6 +24,8 @@ from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 QUICK = ["--set", "mesh.subdivisions=1", "--set", "initial.perturbation=1", "--set", "time.end=1"]
 RUN_KEYS = {
     "max_retrograde_speed",

@@ -14,6 +14,8 @@ from amoeboid.meshes.geometry import area
 from amoeboid.validation import InvalidInput
 from surface.written import crossing, ellipsoid, inside_out, write_surface
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 SAME = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "steps")
 
 

@@ -186,6 +186,23 @@ def test_unit_of_time_is_that_of_the_present_parameters():
     assert resolved(config_of(changes={"beta": am.steps((7.0, 0.01))})).time.end == 207.0
 
 
+def test_parameters_of_law_and_stress_change_too():
+    """Contractility that is switched on polarizes a cell that polymerization alone does not."""
+    p = am.Parameters(v_p0=1.0, stress="contractility").replace(**{"stress.chi": 0.0})
+    changes = {"stress.chi": am.steps((0.3, 1.2))}
+    config = config_of(p, 162, 1e-3, changes, end=0.6, max_step=0.05)
+    run = steps_of(config)
+    at = {t: amplitude(next(s for s in run if s.state.t == t)) for t in (0.0, 0.3, 0.6)}
+    exact = [float(am.growth_rate(p.replace(**{"stress.chi": chi}), 1)) for chi in (0.0, 1.2)]
+    found = [math.log(at[0.3] / at[0.0]) / 0.3, math.log(at[0.6] / at[0.3]) / 0.3]
+    print(found, exact)
+    assert exact[0] < 0 < exact[1]
+    assert found == pytest.approx(exact, abs=0.04)
+    assert config_from_toml(config_to_toml(config)) == config
+    with pytest.raises(am.InvalidInput, match=r"stress\.x"):
+        am.start(config_of(p, changes={"stress.x": am.steps((1, 2))}))
+
+
 @dataclass(frozen=True)
 class Pulses(am.Change):
     """A kind of change from a script: on for the first half of every period."""

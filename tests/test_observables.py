@@ -190,13 +190,26 @@ def test_a_climb_never_ends_lower_than_it_began():
 
 
 def test_few_nodes_give_a_fit_of_lower_degree():
+    """Four nodes determine a + b x + c y + d x^2, the first four powers, exactly."""
     r = np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]])
     mesh = connectivity(np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]))
-    normals = r / np.sqrt(3)
-    values, nodes = np.array([1.0, 2.0, 3.0, 4.0]), np.arange(4)
-    found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
-    assert np.all(np.isfinite(found))
-    assert np.all(found >= values - 1e-12)
+    normals, nodes = r / np.sqrt(3), np.arange(4)
+
+    def largest_of_interpolant(i, values):
+        first = np.cross(normals[i], np.eye(3)[np.argmin(np.abs(normals[i]))])
+        first /= np.linalg.norm(first)
+        plane = (r - r[i]) @ np.column_stack([first, np.cross(normals[i], first)])
+        plane /= np.linalg.norm(plane, axis=1).max()
+        x, y = plane.T
+        a, b, c, d = np.linalg.solve(np.column_stack([np.ones(4), x, y, x * x]), values)
+        radius, angle = np.meshgrid(np.linspace(0, REACH, 101), np.linspace(0, 2 * np.pi, 721))
+        x, y = radius * np.cos(angle), radius * np.sin(angle)
+        return (a + b * x + c * y + d * x * x).max()
+
+    for values in np.eye(4):
+        found = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, values)
+        exact = [largest_of_interpolant(i, values) for i in nodes]
+        np.testing.assert_allclose(found, exact, rtol=1e-12)
     alike = fitted_maxima(nodes, mesh.row_start, mesh.columns, r, normals, np.full(4, 2.0))
     np.testing.assert_allclose(alike, 2.0, rtol=1e-14)
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from amoeboid.model.parameters import (
-    PARAMETER_NAMES,
+    DIMENSIONS,
     Parameters,
     parameters_from,
     parameters_from_toml,
@@ -19,7 +19,7 @@ from amoeboid.model.parameters import (
 from amoeboid.model.polymerization import Custom, Exponential, Inverse
 from amoeboid.validation import InvalidInput
 
-NUMBERS = tuple(name for name in PARAMETER_NAMES if name != "law")
+NUMBERS = tuple(DIMENSIONS)
 POSITIVE = ("R0", "eta_s", "c_r")
 
 
@@ -118,7 +118,8 @@ names: list[str] = [p.law.name for p in points]
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("more", "problem"), [("", None), ("Parameters(law=3)", '"int"; expected "str | Law"')]
+    ("more", "problem"),
+    [("", None), ("Parameters(law=3)", '"int"; expected "str | Law | Callable[..., Any]"')],
 )
 def test_programs_of_users_pass_strict_type_checks(more, problem, tmp_path):
     pytest.importorskip("mypy", reason="the type checker is not installed")
@@ -133,4 +134,4 @@ def test_programs_of_users_pass_strict_type_checks(more, problem, tmp_path):
 
 def test_every_field_has_a_meaning():
     for f in fields(Parameters):
-        assert f.name in ("law", "units") or f.metadata["doc"]
+        assert f.name in ("law", "stress", "units") or f.metadata["doc"]

@@ -6,8 +6,8 @@ import sympy
 from hypothesis import given
 from hypothesis import strategies as st
 
-from amoeboid.model.polymerization import MAX_EXPRESSION_LENGTH, Custom, Exponential, Inverse, law
-from amoeboid.numerics.taylor import FUNCTIONS
+from amoeboid.model.polymerization import Custom, Exponential, Inverse, law
+from amoeboid.numerics.expressions import FUNCTIONS, MAX_EXPRESSION_LENGTH
 from amoeboid.validation import InvalidInput
 
 V_P0, C_R = 1.7, 0.8

@@ -12,6 +12,8 @@ from amoeboid.output.folder import write_frame
 from amoeboid.simulation.loop import start
 from surface.written import ellipsoid, write_surface
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
 COMMANDS = [
@@ -38,7 +40,7 @@ def folder(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
 def test_runs_of_the_readme_finish(arguments):
-    assert main([*arguments, "--set", "mesh.subdivisions=2", "--json"]) == 0
+    assert main([*arguments, "--set", "mesh.subdivisions=1", "--json"]) == 0
 
 
 def test_the_python_lines_of_the_readme_run(capsys):

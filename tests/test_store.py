@@ -44,6 +44,8 @@ CONFIG = Config(
     output=Output(interval=0.4),
 )
 
+pytestmark = pytest.mark.usefixtures("without_pictures")
+
 
 def run_into(folder, config=CONFIG, stop_after=None):
     step = start(config)

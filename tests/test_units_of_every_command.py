@@ -50,7 +50,10 @@ def document(command, name, capsys):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("command", CELLS)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(c, marks=[pytest.mark.slow] * (c == "phase-diagram")) for c in CELLS],
+)
 def test_a_command_gives_the_same_cell_in_si_units(command, capsys):
     expected, found = (document(command, name, capsys) for name in (OWN, SI))
     assert differences(found, expected, SYSTEMS[SI], TOLERANCE) == []

@@ -51,7 +51,7 @@ def test_every_axis_and_color_bar_of_a_figure_has_its_unit(figures, tmp_path):
     p = Parameters(D=0.4, v_p0=6.0)
     states = [(state, True) for state in steady_states(p, (1,))]
     branches.draw_states(states, tmp_path / "states.png")
-    branches.draw_branch(branch_from_sphere(p, "v_p0", Window(5.0, 7.0)), tmp_path / "branch.png")
+    branches.draw_branch(branch_from_sphere(p, "v_p0", Window(5.5, 6.5)), tmp_path / "branch.png")
     t = np.linspace(0.0, 9.0, 50)
     assert save_trajectory_picture(tmp_path / "way.png", t, np.column_stack([t, t**2, 0 * t]), 1.0)
     assert [axes_without_unit(figure) for figure in figures] == [[], [], []]
@@ -70,7 +70,7 @@ def test_the_label_of_a_parameter_has_its_dimension():
     assert branches.UNITS.keys() >= {"v_p0", "D", "delta_P", "R0", "alpha"}
 
 
-@pytest.mark.parametrize("scale", [1.0, 1e-5])
+@pytest.mark.parametrize("scale", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])
 def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_path):
     p = Parameters(R0=scale, D=0.4 * scale**2, v_p0=6.0 * scale, delta_P=300.0 / scale)
     initial = Initial(perturbation=1.0)

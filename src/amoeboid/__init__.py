@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from amoeboid.model.cues import Cue
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
+    from amoeboid.model.stress import Stress
     from amoeboid.observables import OBSERVABLES, observed
     from amoeboid.simulation.loop import Diverged, Step, evolve, start
     from amoeboid.surface.model import Model
@@ -53,6 +54,7 @@ _HOMES = {
     "Parameters": "model.parameters",
     "State": "surface.state",
     "Step": "simulation.loop",
+    "Stress": "model.stress",
     "Time": "config",
     "branch_from_sphere": "axisymmetric.branches",
     "config_from_toml": "config",
@@ -93,6 +95,7 @@ __all__ = [
     "Parameters",
     "State",
     "Step",
+    "Stress",
     "Time",
     "branch_from_sphere",
     "config_from_toml",

@@ -16,8 +16,12 @@ import tomli_w
 from amoeboid.model.changes import CHANGEABLE, Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
-from amoeboid.model.parameters import PARAMETER_NAMES, Parameters
-from amoeboid.model.polymerization import refuse_unwritable
+from amoeboid.model.parameters import (
+    PARAMETER_NAMES,
+    RELATIONS,
+    Parameters,
+    refuse_unwritable_relations,
+)
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -171,7 +175,7 @@ class Config:
         """
         values = getattr(self, name)
         if name == "parameters":
-            refuse_unwritable(values.law)
+            refuse_unwritable_relations(values)
             return values.as_dict()
         if name == "changes":
             return values.written()
@@ -271,12 +275,12 @@ def _inside(name: str, folder: Path, path: str) -> Path:
 
 def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
     """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
-    sections = {}
+    sections: dict[str, Any] = {}
     for section, values in changes.items():
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
-        if section != "changes":  # which knows its names itself
+        if section not in ("parameters", "changes"):  # which know their names themselves
             refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
         sections[section] = _changed(getattr(base, section), section, values)
     return replace(base, **sections)
@@ -285,6 +289,8 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
 def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
     if isinstance(before, Changes):
         return Changes({**before, **values})
+    if isinstance(before, Parameters):
+        return before.replace(**values)
     if section == "cue" and not isinstance(before, Cue):
         raise InvalidInput(
             f"[cue] must be a Cue to be changed by name, got {type(before).__name__}; leave it out"
@@ -295,7 +301,8 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
-    Values are written as in TOML; a bare word is a string. Raises InvalidInput.
+    `law.n=3` and `stress.chi=0.3` are parameters of law and stress, in any order. Values are
+    written as in TOML; a bare word is a string. Raises InvalidInput.
     """
     changes: dict[str, dict[str, Any]] = {}
     for setting in settings:
@@ -306,10 +313,12 @@ def with_settings(base: Config, settings: Iterable[str]) -> Config:
         section, dot, name = path.partition(".")
         if dot and not (section and name):
             raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        if not dot:
+        if section in RELATIONS:
+            section, name = "parameters", path
+        elif not dot:
             section, name = "parameters", path
             refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
-        value = text.strip() if name == "law" else _value(text.strip())
+        value = text.strip() if name in RELATIONS else _value(text.strip())
         changes.setdefault(section, {})[name] = value
     return configured(base, changes)
 
@@ -330,7 +339,7 @@ def _dotted_names() -> list[str]:
 def config_to_toml(config: Config) -> str:
     """The configuration as TOML text; `config_from_toml` reads it back equal.
 
-    Raises InvalidInput for a law, a change and a cue that a text cannot hold.
+    Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
     document = {
         section: {k: v for k, v in config.section(section).items() if v is not None}

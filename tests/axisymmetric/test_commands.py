@@ -129,7 +129,7 @@ def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
         (("phase-diagram", "--set", "output.interval=1"), "parameters alone"),
         (("theory", "--set", "initial.seed=1"), "leave it out"),
         (("steady", "--set", "time.nonsense=1"), "nonsense"),
-        (("steady", "--set", "law=nonsense"), "law may use"),
+        (("steady", "--set", "law=nonsense"), "law must be one of"),
         (("steady", "--plot", "picture.jpg"), "--plot must end in"),
         (("steady", "--plot", "no/such/folder/a.png"), "existing folder"),
         (("branch", "--vary", "law", "--to", "1"), "--vary must be one of"),

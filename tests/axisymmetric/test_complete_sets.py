@@ -1,7 +1,5 @@
 """No state is lost: next to folds and thresholds, in any window; or that is said."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -216,7 +214,7 @@ class Ring:
 
     def point(self, q):
         p = Parameters()
-        return SimpleNamespace(**{**p.as_dict(), "law": p.law, "v_p0": q[0]})
+        return p.point({"v_p0": q[0]})
 
     def residual(self, x, q):
         f = x - self.fixed + 0 * q[0]

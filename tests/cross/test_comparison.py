@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed
@@ -38,14 +39,23 @@ def test_the_shell_finds_the_stable_axisymmetric_state(number):
 
 
 def test_the_points_of_the_comparison_cover_what_it_claims():
-    comparison = script("comparison")
-    points = comparison.POINTS
-    assert len(points) == 20
-    assert {p.law.name for p in points} > {"exponential", "inverse"}
-    assert {p.delta_P for p in points} >= {3.0, 5.0, 11.0, 30.0, 100.0, 300.0}
-    assert any(p.alpha > 0 for p in points)
-    assert any(p.beta == 0 for p in points)
-    assert any(p.R0 != 1 for p in points)
+    """The claims of the page: laws, elasticity, turnover, pressures, viscosities, radii, distances.
+
+    A distance is v_p0 over its threshold, minus 1; a negative one is on the upper branch.
+    """
+    points = script("comparison").POINTS
+    assert len(set(map(str, points))) == len(points) == 20
+    laws = {p.law.name for p in points}
+    assert len(laws) == 3
+    assert laws > {"exponential", "inverse"}
+    assert {p.alpha > 0 for p in points} == {p.beta > 0 for p in points} == {True, False}
+    assert {p.delta_P for p in points} == {3.0, 5.0, 11.0, 30.0, 100.0, 300.0}
+    assert len({(p.eta_s, p.eta_b) for p in points}) == 5
+    assert {p.R0 for p in points} == {1.0, 2.0}
+    distances = [p.v_p0 / float(critical_speed(p)) - 1 for p in points]
+    assert min(distances) == pytest.approx(-0.10, abs=0.01)
+    assert max(distances) == pytest.approx(0.58, abs=0.01)
+    assert 0.019 < sorted(d for d in distances if d > 0)[1] < 0.021
 
 
 def test_the_published_table_is_of_these_points():

@@ -94,7 +94,9 @@ def orders(errors):
     return np.log2(np.abs(np.array(errors[:-1]) / errors[1:]))
 
 
-@pytest.mark.parametrize("direction", [ALONG_EDGE, ALONG_VALENCE_FIVE])
+@pytest.mark.parametrize(
+    "direction", [ALONG_EDGE, pytest.param(ALONG_VALENCE_FIVE, marks=pytest.mark.slow)]
+)
 def test_figure_3d_is_accurate_and_of_second_order_whatever_the_poles(direction):
     """642 and 2562 nodes; the poles are ordinary nodes, or two of the twelve of valence five."""
     errors = errors_on(Parameters(D=0.4, v_p0=6.0), (3, 4), direction)
@@ -107,6 +109,15 @@ def test_figure_3d_is_accurate_and_of_second_order_whatever_the_poles(direction)
     assert orders(errors["c_rear"])[0] > 1.5
 
 
+def test_figure_3d_is_accurate_with_poles_of_valence_five():
+    """162 and 642 nodes, within about 1.5 times the errors measured (1.0 % and 0.25 %)."""
+    errors = errors_on(Parameters(D=0.4, v_p0=6.0), (2, 3), ALONG_VALENCE_FIVE)
+    for name, (coarse, fine) in errors.items():
+        assert abs(coarse) < 0.015, name
+        assert abs(fine) < 0.004, name
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("direction", [ALONG_EDGE, ALONG_VALENCE_FIVE])
 def test_a_soft_cell_is_accurate_and_of_second_order(direction):
     errors = errors_on(Parameters(D=0.4, v_p0=6.0, delta_P=11.0), (3, 4), direction, 2.1)
@@ -159,7 +170,7 @@ def test_hysteresis_of_figure_3b(v_p0, perturbation, polarized):
 
 POINTS = [
     Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
-    Parameters(D=0.4, v_p0=6.0, delta_P=30.0, eta_b=3.0),
+    pytest.param(Parameters(D=0.4, v_p0=6.0, delta_P=30.0, eta_b=3.0), marks=pytest.mark.slow),
     Parameters(D=0.1, v_p0=4.5, alpha=0.05),
     Parameters(D=0.03, v_p0=1.75, law="inverse"),
     Parameters(D=0.1, v_p0=0.75, beta=0.0),

@@ -1,5 +1,7 @@
 """Test shapes and the paths to them that tests of the surface share."""
 
+from functools import cache
+
 import numpy as np
 
 from amoeboid.meshes.connectivity import connectivity
@@ -23,10 +25,16 @@ OCTAHEDRON = [
 ]
 
 
-def sphere(subdivisions):
-    """Even icosphere on the unit sphere: nodes, connectivity."""
+@cache
+def _uniform(subdivisions):
     r, faces = uniform_icosphere(subdivisions)
     return r, connectivity(faces)
+
+
+def sphere(subdivisions):
+    """Uniform icosphere on the unit sphere: nodes, connectivity."""
+    r, mesh = _uniform(subdivisions)
+    return r.copy(), mesh
 
 
 def lumpy(subdivisions=2, seed=0):
@@ -44,7 +52,7 @@ def observed_orders(sizes, errors):
 
 
 def sausage(subdivisions, angle, length=3.0, radius=0.45):
-    """An even icosphere drawn out to a rod of half `length` and bent by `angle` along a circle.
+    """A uniform icosphere drawn out to a rod of half `length` and bent by `angle` along a circle.
 
     A small angle leaves it straight; bent by the whole circle its ends run into each other.
     """
@@ -94,7 +102,13 @@ def octahedron():
 
 
 def irregular():
-    """A drawn-out sphere, remeshed: valences from 4 to 8, numbers of nodes that are no pattern."""
+    """A stretched sphere, remeshed: valences from 4 to 8, nodes numbered without a pattern."""
+    r, mesh = _irregular()
+    return r.copy(), mesh
+
+
+@cache
+def _irregular():
     r, mesh = sausage(3, 2.0)
     r = r * np.sqrt(4 * np.pi / area(r, mesh.faces))
     state = State(0.0, r, np.ones(len(r)), 1.0, np.zeros(3))
@@ -105,7 +119,7 @@ def irregular():
 
 
 def shuffled():
-    """A mesh whose numbering says nothing."""
+    """A mesh whose nodes are numbered at random."""
     r, mesh = lumpy(2)
     new = np.random.default_rng(5).permutation(len(r))
     return r[np.argsort(new)], connectivity(new[mesh.faces])

@@ -3,6 +3,8 @@
 The treatment is NORMAL_VISCOSITY of surface/force_balance.py; docs/large-deformation.md says more.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.linalg import eigh
@@ -113,8 +115,15 @@ def settled(shape, delta_P, end=0.05):
     return first, last
 
 
-@pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("delta_P", [3.0, 11.0])
+@pytest.mark.parametrize(
+    ("name", "delta_P"),
+    [
+        ("dumbbell", 11.0),
+        ("three lobes", 3.0),
+        pytest.param("dumbbell", 3.0, marks=pytest.mark.slow),
+        pytest.param("three lobes", 11.0, marks=pytest.mark.slow),
+    ],
+)
 def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     first, step = settled(SHAPES[name], delta_P)
     model = step.model
@@ -128,7 +137,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     assert volumes[1] > volumes[0]
     ends = []
     # with 80 steps the fast motions of the saddles are not resolved yet: order 2.3 in v
-    for count in (160, 320, 2560):
+    for count in (160, 320, 640):
         history = (step.state,)
         for _ in range(count):
             state, flow, _ = semi_implicit_step(model, history, 0.1 / count)
@@ -140,11 +149,10 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
         ("v", lambda s, f: f.v),
         ("zeta0", lambda s, f: s.zeta0),
     ):
-        exact = value(*ends[-1])
-        errors = np.array([np.abs(value(*x) - exact).max() for x in ends[:-1]])
-        order = np.log2(errors[0] / errors[1])
-        print(name, delta_P, what, errors, order)
-        assert abs(order - 2) < 0.2, (what, errors, order)
+        changes = [np.abs(value(*a) - value(*b)).max() for a, b in pairwise(ends)]
+        order = np.log2(changes[0] / changes[1])
+        print(name, delta_P, what, changes, order)
+        assert abs(order - 2) < 0.2, (what, changes, order)
 
 
 def test_a_step_makes_a_new_factorization_where_the_old_one_does_not_do(monkeypatch):
@@ -175,18 +183,18 @@ def steady_state(share, monkeypatch, delta_P=300.0):
     return observed(last.model, last.state, last.flow)
 
 
-@pytest.mark.parametrize("delta_P", [300.0, 11.0])
-def test_steady_states_do_not_know_of_the_treatment(delta_P, monkeypatch):
-    """v.n = 0 in a steady state, up to the change that counts as none."""
-    found = [steady_state(share, monkeypatch, delta_P) for share in (1e-4, 1e-3, 1e-2)]
+@pytest.mark.parametrize("delta_P", [pytest.param(300.0, marks=pytest.mark.slow), 11.0])
+def test_steady_states_do_not_depend_on_the_normal_viscosity(delta_P, monkeypatch):
+    """v.n = 0 in a steady state, up to the rate of change that counts as steady."""
+    found = [steady_state(share, monkeypatch, delta_P) for share in (1e-4, 1e-2)]
     for name in ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "deformation"):
         values = [x[name] for x in found]
-        print(delta_P, name, values, np.ptp(values) / values[1])
-        assert np.ptp(values) < 5e-4 * values[1], name
+        print(delta_P, name, values, np.ptp(values) / values[0])
+        assert np.ptp(values) < 5e-4 * values[0], name
 
 
 @pytest.mark.parametrize("name", ["sphere", *SHAPES])
-def test_how_much_a_transient_knows_of_the_treatment(name, monkeypatch):
+def test_effect_of_the_normal_viscosity_on_a_transient(name, monkeypatch):
     """What the normal velocity is right away, and the shape after the fast motions.
 
     Convex: nothing, to the digit. On saddles the resistance of the softest motions is that of the

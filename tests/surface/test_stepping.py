@@ -409,7 +409,7 @@ def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
     assert min(seen) == 0.0
 
 
-def test_overshoots_save_passes(monkeypatch):
+def test_anderson_steps_save_iterations(monkeypatch):
     """A soft cell on its way to the steady state, same steps to high accuracy with and without."""
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))

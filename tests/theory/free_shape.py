@@ -6,8 +6,9 @@ the equations are the strong form of the shell: tangential and normal force bala
 v_c = u t - v_p n, transport of c on a resting surface, area and filament number. Independent of
 `shell_equations`, which goes through the dissipation function and the energy.
 
-Units: R0 = 1 and S = eta_s + eta_b = 1, so f_k stands for f_k/R0, D for D/R0^2, K for K/R0 and
-P for delta_P R0/S; eta_s = y. G_2 = 1/(3 + 2 y) and G_3 = 1/(6 + 5 y) are variables of their own.
+Units: R0 = 1 and S = eta_s + eta_b = 1, so f_k stands for f_k/R0, D for D/R0^2, K_k for K_k/R0
+with K_k = -R0 tau_k/(2S), tau_k the k-th derivative of the isotropic stress, and P for
+delta_P R0/S; eta_s = y. G_2 = 1/(3 + 2 y) and G_3 = 1/(6 + 5 y) are variables of their own.
 """
 
 from functools import cache
@@ -19,9 +20,9 @@ from sympy import QQ
 from sympy.polys.rings import ring
 
 ORDER = 5
-RING, *_GENERATORS = ring("x a b d rho sigma f0:6 c0 D beta K P y G2 G3", QQ)
+RING, *_GENERATORS = ring("x a b d rho sigma f0:6 c0 D beta K1:6 P y G2 G3", QQ)
 x, a, b, d, rho, sigma, *_REST = _GENERATORS
-f, (c0, D, beta, K, P, y, G2, G3) = _REST[:6], _REST[6:]
+f, (c0, D, beta), K, (P, y, G2, G3) = _REST[:6], _REST[6:9], (0, *_REST[9:14]), _REST[14:]
 SQUARED_SINE = 1 - x**2
 AMPLITUDES = (a, b, d, rho, sigma)
 HALF = QQ(1, 2)
@@ -161,6 +162,8 @@ class Steady:
             powers.append(times(powers[-1], self.c))
         terms = (times(QQ(1, factorial(k)), f[k], powers[k]) for k in range(6))
         self.speed = plus(*terms)
+        terms = (times(-2 * QQ(1, factorial(k)), K[k], powers[k]) for k in range(1, 6))
+        self.isotropic = plus(*terms)  # tau(c) - tau(c0)
 
     def _set_stress_of_polymerization(self):
         normal = times(-1, self.speed)
@@ -177,7 +180,7 @@ class Steady:
         stretch_1 = plus(times(-x, q), times(SQUARED_SINE, along), self.stretch_1)
         around = plus(times(-x, q), times(SQUARED_SINE, q, self.log_h_x), self.stretch_2)
         shear = plus(along, times(-1, q, self.log_h_x), self.shear_over_sine)
-        isotropic = plus(times(1 - y, plus(stretch_1, around)), times(-2 * K, self.c))
+        isotropic = plus(times(1 - y, plus(stretch_1, around)), self.isotropic)
         return plus(isotropic, times(2 * y, stretch_1)), times(2 * y, shear)
 
     def tangential_force(self):

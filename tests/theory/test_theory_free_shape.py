@@ -18,13 +18,13 @@ from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_speed,
     driving_slope,
-    elastic_slope,
     finite_pressure_matrix,
     finite_pressure_rates,
     flow_response,
     growth_rate,
     shape_response,
     slowest_rate,
+    stress_derivatives,
 )
 from amoeboid.closed_forms.phase_boundary import phase_boundary
 from amoeboid.closed_forms.points import infinite_pressure, points
@@ -33,7 +33,10 @@ from amoeboid.validation import InvalidInput
 from theory import free_shape
 from theory.sample_points import LAWS, sample_points
 
-POINTS = sample_points()
+# every derivative of the stress is a number of its own in two of three points
+STRESSES = ({}, {"stress": "chi*c/(1 + (c/k)**2)", "stress.k": 1.3, "stress.chi": 0.08},
+            {"stress": "chi*c_r*(exp(-c/k) - 1)", "stress.k": 0.9, "stress.chi": 0.1})  # fmt: skip
+POINTS = [p.replace(**STRESSES[i % 3]) for i, p in enumerate(sample_points())]
 # Which rate each coefficient belongs to, and the powers of a, b, d, rho_2, rho_3.
 RATES = {
     "lambda_1": (1, (1, 0, 0, 0, 0)), "A3": (1, (3, 0, 0, 0, 0)), "A11": (1, (1, 1, 0, 0, 0)),
@@ -51,7 +54,7 @@ RATES = {
 }  # fmt: skip
 # The same for what drives the shape.
 DRIVES = {
-    "g_1": (2, (0, 1, 0, 0, 0)), "Q2": (2, (2, 0, 0, 0, 0)), "Q4": (2, (4, 0, 0, 0, 0)),
+    "w_1": (2, (0, 1, 0, 0, 0)), "Q2": (2, (2, 0, 0, 0, 0)), "Q4": (2, (4, 0, 0, 0, 0)),
     "Q21": (2, (2, 1, 0, 0, 0)), "Q02": (2, (0, 2, 0, 0, 0)), "Q101": (2, (1, 0, 1, 0, 0)),
     "Q2r": (2, (2, 0, 0, 1, 0)), "Q01r": (2, (0, 1, 0, 1, 0)), "Q1s": (2, (1, 0, 0, 0, 1)),
     "S3": (3, (3, 0, 0, 0, 0)), "S11": (3, (1, 1, 0, 0, 0)), "S1r": (3, (1, 0, 0, 1, 0)),
@@ -91,7 +94,7 @@ def numbers(p):
     scaled = {f"f{k}": float(v) / p.R0 for k, v in enumerate(p.v_p_derivatives(p.c0, 5))}
     return scaled | {
         "c0": p.c0, "D": p.D / p.R0**2, "beta": p.beta, "y": p.eta_s / S, "P": p.delta_P * p.R0 / S,
-        "K": float(elastic_slope(p)) / p.R0,
+        **{f"K{k}": float(v) / p.R0 for k, v in enumerate(stress_derivatives(points(p), 5)) if k},
         "G2": float(flow_response(p, 2)), "G3": float(flow_response(p, 3)),
     }  # fmt: skip
 

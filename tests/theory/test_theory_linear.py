@@ -12,13 +12,13 @@ from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_speed,
     driving_slope,
-    elastic_slope,
     finite_pressure_matrix,
     finite_pressure_rates,
     first_mode,
     flow_response,
     growth_rate,
     mode_onsets,
+    stress_slope,
     thresholds,
 )
 from amoeboid.closed_forms.points import points
@@ -70,7 +70,7 @@ def test_growth_rate_is_derived_from_the_tangential_force_balance(l):
         response = float((-sp.diff(psi, w) / model.R0).subs(values))
         assert flow_response(p, l) == pytest.approx(response, rel=1e-13)
         # alpha enters as a slope added to the law's, and in no other way.
-        assert elastic_slope(p) == pytest.approx(
+        assert stress_slope(p) == pytest.approx(
             float((sp.diff(psi, q) / sp.diff(psi, w)).subs(values)), rel=1e-12
         )
 

@@ -189,7 +189,7 @@ def branch_from_state(
     """
     refuse_cue(state.cue, "a branch of steady states")
     window = Window.of(window)
-    p, value = state.parameters, float(getattr(state.parameters, name))
+    p, value = state.parameters, state.parameters.value(name)
     size = max(abs(value), window.high - window.low)
     chosen = options or Options(parameter_scale=size)
     system = SteadySystem(p, state.n, (name,))

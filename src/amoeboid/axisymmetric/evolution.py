@@ -11,14 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import observables
-from amoeboid.axisymmetric.force_balance import axial_strength, forces, speed, stress, transport
+from amoeboid.axisymmetric.force_balance import (
+    forces,
+    speed,
+    stress,
+    transport,
+    with_cue,
+)
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
@@ -31,7 +37,7 @@ from amoeboid.axisymmetric.steady import (
 )
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.model.cues import Cue
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
@@ -100,11 +106,10 @@ class Dynamics:
     n: int = MODES
     cue: Cue | None = None
 
-    @property
-    def point(self) -> Any:
+    @cached_property
+    def point(self) -> ParameterPoint:
         """The parameters as plain attributes."""
-        p = self.parameters
-        return SimpleNamespace(**{**p.as_dict(), "law": p.law, "cue": axial_strength(self.cue)})
+        return with_cue(self.parameters.point(), self.cue)
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""

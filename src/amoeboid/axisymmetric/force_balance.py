@@ -5,13 +5,17 @@ All fields are arrays or Duals; `p` holds the parameters, possibly complex.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from amoeboid.arrays import Array
 from amoeboid.axisymmetric.shape import Shape
 from amoeboid.model.cues import Cue
+from amoeboid.model.parameters import ParameterPoint
+from amoeboid.model.stress import principal_stresses
 from amoeboid.validation import InvalidInput
 
 
@@ -24,14 +28,14 @@ class Stress:
 
 
 def stress(shape: Shape, u: Any, w: Any, c: Any, zeta0: Any, p: Any) -> Stress:
-    """Viscous stress of v_c = u t + w n, less alpha c, plus the tension zeta0.
+    """Viscous stress of v_c = u t + w n, plus tau(c) and the tension zeta0.
 
     Main text, passive surface stress; SI `passive` and `surfaceStressAlpha`.
     """
     stretch_1 = shape.odd_slope(u) + shape.kappa_1 * w
     stretch_2 = shape.cot * u + shape.kappa_2 * w
-    isotropic = (stretch_1 + stretch_2) * p.eta_b - c * p.alpha + zeta0
-    return Stress(isotropic + stretch_1 * (2 * p.eta_s), isotropic + stretch_2 * (2 * p.eta_s))
+    tau = function_of(c, p.tau_derivatives)
+    return Stress(*principal_stresses(stretch_1, stretch_2, tau, zeta0, p))
 
 
 def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
@@ -48,15 +52,20 @@ def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
 def speed(shape: Shape, c: Any, p: Any) -> Any:
     """Polymerization speed of an array or a Dual c [length/time]; main text `vp`.
 
-    v_p(c), times 1 + p.cue cos(theta) if p has a cue along the axis.
+    v_p(c), times 1 + p.cue cos(theta) if p has a cue along the axis; see `with_cue`.
     """
-    if hasattr(c, "derivatives"):
-        value, slope = p.law.derivatives(c.values, p.v_p0, p.c_r, 1)
-        v_p = c.map(value, slope)
-    else:
-        v_p = p.law.value(c, p.v_p0, p.c_r)
+    v_p = function_of(c, p.v_p_derivatives)
     strength = getattr(p, "cue", 0.0)
     return v_p * (shape.cos_theta * strength + 1.0) if strength else v_p
+
+
+def with_cue(p: ParameterPoint, cue: Any) -> ParameterPoint:
+    """The parameters with the strength of a cue along the axis, or of none.
+
+    Raises InvalidInput for a cue that is not along the axis.
+    """
+    strength = axial_strength(cue)
+    return ParameterPoint(vars(p) | {"cue": strength}) if strength else p
 
 
 def axial_strength(cue: Any) -> float:
@@ -81,6 +90,13 @@ def refuse_cue(cue: Any, what: str) -> None:
             f"{what} must be asked for without a cue, got {cue!r}; follow the time evolution with "
             "it, or run the cell in 3D"
         )
+
+
+def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:
+    """A function of an array or a Dual, given (f(c), f'(c)) by `derivatives(c, 1)`."""
+    if hasattr(c, "derivatives"):
+        return c.map(*derivatives(c.values, 1))
+    return derivatives(c, 0)[0]
 
 
 def transport(shape: Shape, c: Any, u: Any, p: Any) -> Any:

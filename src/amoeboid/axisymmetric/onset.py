@@ -66,12 +66,12 @@ def onsets_anywhere(p: Parameters, name: str, l: int = 1) -> tuple[float, ...]: 
     """
     if name == "v_p0":
         return onset_speeds(p, l)
-    return _roots(_critical(p, name, l), _unit(p, name) * np.geomspace(1e-4, 1e4, 81))
+    return _roots(_critical(p, name, l), np.sort(_unit(p, name) * np.geomspace(1e-4, 1e4, 81)))
 
 
 def _unit(p: Parameters, name: str) -> float:
-    value = float(getattr(p, name))
-    if value > 0:
+    value = p.value(name)
+    if value != 0:
         return value
     rate = max(p.beta, p.D / p.R0**2, abs(float(p.v_p(p.c0))) / p.R0)
     stress = (p.eta_s + p.eta_b) * rate / p.R0
@@ -82,12 +82,22 @@ def _unit(p: Parameters, name: str) -> float:
         "beta": rate,
         "D": rate * p.R0**2,
         "alpha": stress * p.R0 / (p.c0 or p.c_r),
-    }.get(name, 1.0)
+    }.get(name) or _unit_of_own(p, name, stress * p.R0, rate * p.R0)
+
+
+def _unit_of_own(p: Parameters, name: str, tension: float, speed: float) -> float:
+    """That of a parameter of law or stress: what changes tau or v_p at c0 by a typical amount."""
+    at = p.point({name: p.value(name) + 1j * COMPLEX_STEP})
+    with np.errstate(all="ignore"):
+        changes = (at.tau(p.c0).imag / tension, at.v_p(p.c0).imag / speed)
+    largest = float(np.abs(changes).max()) / COMPLEX_STEP
+    return 1.0 / largest if np.isfinite(largest) and largest > 0 else 1.0
 
 
 def onset_speeds(p: Parameters, l: int = 1) -> tuple[float, ...]:  # noqa: E741
     """All v_p0 at which a real mode l of the homogeneous sphere is neutral, ascending."""
-    unit = p.D / p.R0 + p.beta * p.R0 + p.alpha * p.c0 * p.R0 / (p.eta_s + p.eta_b)
+    tension = abs(float(p.tau_derivatives(p.c0, 1)[1])) * p.c0
+    unit = p.D / p.R0 + p.beta * p.R0 + tension * p.R0 / (p.eta_s + p.eta_b)
     if unit == 0:
         return ()
     with np.errstate(over="ignore"):  # speeds beyond double precision are rejected

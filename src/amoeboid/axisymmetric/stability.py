@@ -27,6 +27,7 @@ from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import finite_pressure_rates
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
+from amoeboid.model.stress import principal_stresses
 from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
 
@@ -69,6 +70,7 @@ class Base:
     c: Array
     c_s: Array
     slope: Array
+    tau_slope: Array
 
 
 @dataclass(frozen=True)
@@ -209,13 +211,13 @@ def base_fields(state: SteadyState, basis: Harmonics) -> Base:
     kappa_1, kappa_2 = psi_slope / scale, np.sin(psi) / r
     stretch_1 = u_slope / scale - kappa_1 * speed
     stretch_2 = np.cos(psi) / r * u - kappa_2 * speed
-    isotropic = (stretch_1 + stretch_2) * p.eta_b - p.alpha * c + scalars[1]
+    tau, tau_slope = p.tau_derivatives(c, 1)
+    sigma_1, sigma_2 = principal_stresses(stretch_1, stretch_2, tau, scalars[1], p)
     measure = basis.weights * scale * r / np.sin(x)
     entries = (
         measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
         stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
-        isotropic + 2 * p.eta_s * stretch_1, isotropic + 2 * p.eta_s * stretch_2,
-        c, c_slope / scale, slope,
+        sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope,
     )  # fmt: skip
     return Base(*(e[:, None] for e in entries))
 
@@ -339,7 +341,7 @@ def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: 
     D1 = base.shear * fields.h_s + k1 * e1 * h
     D2 = k2 * e2 * h
     dilation = D1 + D2 - 2 * (k1 * e1 + k2 * e2) * h
-    isotropic = p.eta_b * dilation - p.alpha * fields.c
+    isotropic = p.eta_b * dilation + base.tau_slope * fields.c
     # sigma^11 = (eta_b Theta + tau) g^11 + 2 eta_s (g^11)^2 D_11, and g^11' = -2 kappa_1 h
     spherical_1 = base.sigma_1 - 2 * p.eta_s * e1
     spherical_2 = base.sigma_2 - 2 * p.eta_s * e2

@@ -11,14 +11,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import observables
-from amoeboid.axisymmetric.force_balance import axial_strength, forces, speed, stress, transport
+from amoeboid.axisymmetric.force_balance import (
+    axial_strength,
+    forces,
+    speed,
+    stress,
+    transport,
+    with_cue,
+)
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.unknowns import (
@@ -31,7 +37,7 @@ from amoeboid.axisymmetric.unknowns import (
 )
 from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
@@ -60,7 +66,7 @@ class Scales:
         if speed_here == 0:
             speed_here = p.v_p0 or p.delta_P * p.R0**2 / (p.eta_s + p.eta_b) or p.R0
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
-        force = p.delta_P + viscous + p.alpha * concentration / p.R0
+        force = p.delta_P + viscous + abs(float(p.tau(concentration))) / p.R0
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
 
 
@@ -112,11 +118,11 @@ class SteadySystem:
 
     def point(self, q: Array) -> Any:
         """The parameters with those in `names` replaced by q."""
-        p = self.parameters
-        return SimpleNamespace(
-            **{**p.as_dict(), "law": p.law, **dict(zip(self.names, q, strict=True))},
-            cue=axial_strength(self.cue),
-        )
+        return self._parameters.replaced(dict(zip(self.names, q, strict=True)))
+
+    @cached_property
+    def _parameters(self) -> ParameterPoint:
+        return with_cue(self.parameters.point(), self.cue)
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""
@@ -309,15 +315,15 @@ def series_maximum(coefficients: Array) -> float:
 def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:
     """The homogeneous sphere, a steady state at every parameter point.
 
-    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0.
+    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
     """
     return SteadyState(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
 
 def homogeneous_unknowns(p: Any, n: int) -> Array:
     """The unknowns of the homogeneous sphere, for real or complex parameters."""
-    f0 = p.law.value(np.asarray(p.c0), p.v_p0, p.c_r)
-    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
+    f0 = p.v_p(p.c0)
+    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
     x = np.zeros(unknown_count(n), dtype=np.result_type(zeta0, p.c0, p.R0, float))
     x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
     return x
@@ -380,7 +386,8 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     v_p = speed(shape(grid(m), f.psi, f.psi_slope, f.scale), f.c, p)
     fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
     most = np.abs(f.c).max()
-    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2 + p.alpha * most / p.R0
+    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
+    force += np.abs(p.tau(f.c)).max() / p.R0
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
     return float(np.max(np.abs(equations(m, f, p)) / units))

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from amoeboid.model.parameters import Parameters
 
 INCOMPLETE = 1
-VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "v_p0", "alpha")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -85,15 +84,15 @@ def execute(args: argparse.Namespace) -> int:
 
 def _checked_start(args: argparse.Namespace, p: Parameters) -> float:
     name = args.vary
-    if name not in VARIABLE:
-        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {name!r}")
+    if name not in p.names:
+        raise InvalidInput(f"--vary must be one of {', '.join(p.names)}, got {name!r}")
     if not (math.isfinite(args.max_step) and args.max_step > 0):
         raise InvalidInput(f"--max-step must be > 0 and finite, got {args.max_step:g}")
     if args.max_points < 1:
         raise InvalidInput(f"--max-points must be >= 1, got {args.max_points}")
     start = args.start
     if start is None:
-        start = 0.0 if name == "v_p0" else float(getattr(p, name))
+        start = 0.0 if name == "v_p0" else p.value(name)
     for option, value in (("--from", start), ("--to", args.end)):
         if not math.isfinite(value):
             raise InvalidInput(f"{option} must be a finite number, got {value!r}")

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from amoeboid.axisymmetric.phase_diagram import PhaseDiagram
     from amoeboid.model.parameters import Parameters
 
-VARIABLE = ("R0", "delta_P", "eta_s", "eta_b", "c0", "c_r", "beta", "D", "alpha")
 LARGEST_GRID = 500
 D_WINDOW, V_WINDOW = (0.03, 0.6), (3.0, 8.0)  # for the paper's table
 GAP = 2  # blanks between the speeds and the map
@@ -59,8 +58,9 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram
 
     p = only_parameters(args)
-    if args.vary not in VARIABLE:
-        raise InvalidInput(f"--vary must be one of {', '.join(VARIABLE)}, got {args.vary!r}")
+    others = [name for name in p.names if name != "v_p0"]
+    if args.vary not in others:
+        raise InvalidInput(f"--vary must be one of {', '.join(others)}, got {args.vary!r}")
     (args.low, args.high), (args.speed_from, args.speed_to) = windows(args, p)
     _check(args, p)
     check_picture(args.plot)

@@ -11,7 +11,7 @@ from typing import Any
 from amoeboid.cli.output import say
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.model.cues import Cue
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.validation import InvalidInput, rule
 
 ANY_FIELD = " or any other field of the configuration (time.end=50)"
@@ -29,7 +29,8 @@ def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> No
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+c/c_r)'){others}; repeatable",
+        help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+(c/c_r)**n)' with "
+        f"law.n=3, 'stress=chi*c' with stress.chi=0.3){others}; repeatable",
     )
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on standard output, nothing else"
@@ -65,7 +66,7 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
     start = Config(parameters=Parameters())
     for setting in args.settings:
         section, dot, _ = setting.partition("=")[0].strip().partition(".")
-        if dot and section != "parameters":
+        if dot and section not in ("parameters", *RELATIONS):
             with_settings(start, [setting])  # what is no field at all is refused as such
             raise InvalidInput(
                 f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` uses "
@@ -98,6 +99,14 @@ def field_table() -> str:
             rows.append(
                 f"  {'law':24}{'exponential':18}polymerization law: exponential, inverse, "
                 "or an expression in c"
+            )
+            rows.append(
+                f"  {'stress':24}{'none':18}active isotropic stress: none, contractility, or an "
+                "expression in c"
+            )
+            rows.append(
+                f"  {'law.NAME, stress.NAME':24}{'':18}parameters of their own, as law.n of "
+                "v_p0/(1+(c/c_r)**n)"
             )
     rows.append(
         f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "

@@ -74,7 +74,7 @@ class SlavedHarmonic:
 def second_harmonic(p: Points) -> SlavedHarmonic:
     """b and rho_2 at v_p0 and delta_P of p."""
     e = cubic_equations(p)
-    return SlavedHarmonic(e.lambda_2, e.Br, e.kappa_2, e.g_1)
+    return SlavedHarmonic(e.lambda_2, e.Br, e.kappa_2, e.w_1)
 
 
 @finite_result
@@ -111,7 +111,7 @@ def eliminated(p: Points) -> NormalForm:
     cubic, e = cubic_equations(p), fifth_order(p)
     second = second_harmonic(p)
     m_2, r_2 = second.at_rest(cubic.B2, cubic.Q2)
-    third = SlavedHarmonic(e.lambda_3, e.Ds, e.kappa_3, cubic.g_1)
+    third = SlavedHarmonic(e.lambda_3, e.Ds, e.kappa_3, cubic.w_1)
     m_3, r_3 = third.at_rest(
         e.D3 + e.D11 * m_2 + e.D1r * r_2, drive=e.S3 + e.S11 * m_2 + e.S1r * r_2
     )

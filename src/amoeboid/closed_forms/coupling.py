@@ -13,9 +13,9 @@ a ~ e, b and rho_2 ~ e^2, d and rho_3 ~ e^3. In the frame in which the shape res
 
 with lambda_l for delta_P -> infinity (`growth_rate`). The pressure acts through the shape alone,
 
-    rho_2 = kappa_2 [ g_1 b + Q2 a^2 + Q4 a^4 + Q21 a^2 b + Q02 b^2 + Q101 a d
+    rho_2 = kappa_2 [ w_1 b + Q2 a^2 + Q4 a^4 + Q21 a^2 b + Q02 b^2 + Q101 a d
                       + Q2r a^2 rho_2 + Q01r b rho_2 + Qrr rho_2^2 + Q1s a rho_3 ] + (5/7) rho_2^2
-    rho_3 = kappa_3 [ g_1 d + S3 a^3 + S11 a b + S1r a rho_2 ]
+    rho_3 = kappa_3 [ w_1 d + S3 a^3 + S11 a b + S1r a rho_2 ]
 
 with kappa_l = 0 for delta_P -> infinity (`shape_response`). The area and the filament number fix
 the radius and the mean of c, which change at fourth order; rho_1 = 0 fixes the origin. Derived in
@@ -29,11 +29,11 @@ from dataclasses import dataclass
 
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import (
-    driving_slope,
-    elastic_slope,
+    driving_derivatives,
     flow_response,
     growth_rate,
     shape_response,
+    stress_derivatives,
 )
 from amoeboid.closed_forms.points import Points, finite_result
 
@@ -45,7 +45,7 @@ SHAPE_SQUARED = 5 / 7
 class CubicEquations:
     """The equations to third order: all that nu needs.
 
-    Units: 1/T over powers of N/L^2; kappa_2 [T/L]; g_1 and Q2 [L/T] over powers of N/L^2.
+    Units: 1/T over powers of N/L^2; kappa_2 [T/L]; w_1 and Q2 [L/T] over powers of N/L^2.
     """
 
     lambda_1: Array
@@ -56,7 +56,7 @@ class CubicEquations:
     B2: Array
     Br: Array
     kappa_2: Array
-    g_1: Array
+    w_1: Array
     Q2: Array
 
 
@@ -111,20 +111,20 @@ def cubic_equations(p: Points) -> CubicEquations:
     holds the shape (delta_P and v_p(c0) are 0).
     """
     c0, R0 = p.c0, p.R0
-    f0, f1, f2, f3 = p.v_p_derivatives(c0, 3)
-    g1 = driving_slope(p)
+    f0, f1 = p.v_p_derivatives(c0, 1)
+    _, w1, w2, w3 = driving_derivatives(p, 3)
     G2 = flow_response(p, 2)
     return CubicEquations(
         lambda_1=growth_rate(p, 1),
         lambda_2=growth_rate(p, 2),
-        A3=-(c0 * f3 + 2 * G2 * f2) / (5 * R0),
-        A11=2 * ((1 - 3 * G2) * g1 - 2 * c0 * f2) / (5 * R0),
+        A3=-(c0 * w3 + 2 * G2 * w2) / (5 * R0),
+        A11=2 * ((1 - 3 * G2) * w1 - 2 * c0 * w2) / (5 * R0),
         A1r=2 * (4 * p.D / R0 - 4 * c0 * f1 - 3 * (1 - G2) * f0) / (5 * R0),
-        B2=-2 * (g1 + c0 * G2 * f2) / R0,
+        B2=-2 * (w1 + c0 * G2 * w2) / R0,
         Br=-6 * c0 * (1 - G2) * f0 / R0,
         kappa_2=shape_response(p, 2),
-        g_1=g1,
-        Q2=f2 / 3,
+        w_1=w1,
+        Q2=w2 / 3,
     )
 
 
@@ -132,54 +132,57 @@ def cubic_equations(p: Points) -> CubicEquations:
 def fifth_order(p: Points) -> FifthOrder:
     """The terms beyond third order at v_p0 of p; broadcasts, and raises as `cubic_equations`."""
     c0, R0, beta = p.c0, p.R0, p.beta
-    f0, _, f2, f3, f4, f5 = p.v_p_derivatives(c0, 5)
-    g1, K = driving_slope(p), elastic_slope(p)
+    f0 = p.v_p(c0)
+    _, w1, w2, w3, w4, w5 = driving_derivatives(p, 5)
+    _, K1, K2, K3 = stress_derivatives(p, 3)
     G2, G3 = flow_response(p, 2), flow_response(p, 3)
     # what a concentration meets on the shape P_2 or P_3
-    on_2, on_3 = 2 * c0 * (3 * (2 * G3 - 1) * g1 + K), c0 * (3 * (1 + 4 * G2) * g1 - 5 * K)
-    a11r = (90 * G2**2 - 93 * G2 + 54 * G3 + 37) * g1 + 5 * (15 * G2 - 4) * K
-    b01r = 2 * c0 * ((1 - G2) * (1 - 6 * G2) * g1 + (5 * G2 - 1) * K)
+    on_2, on_3 = 2 * c0 * (3 * (2 * G3 - 1) * w1 + K1), c0 * (3 * (1 + 4 * G2) * w1 - 5 * K1)
+    a3r = (120 * G2**2 - 89 * G2 - 15) * w2 - 8 * c0 * (8 - 9 * G3) * w3
+    a11r = (90 * G2**2 - 93 * G2 + 54 * G3 + 37) * w1 + 5 * (15 * G2 - 4) * K1
+    b2r = 16 * (5 * K1 - 9 * (1 - G3) * w1) - 15 * c0 * (1 - G2) * (1 + 8 * G2) * w2
+    b01r = 2 * c0 * ((1 - G2) * (1 - 6 * G2) * w1 + (5 * G2 - 1) * K1)
     return FifthOrder(
         lambda_3=growth_rate(p, 3),
-        A5=-(c0 * f5 + 4 * G2 * f4) / (140 * R0),
-        A31=((7 - 55 * G2 - 12 * G3) * f3 - 20 * c0 * f4) / (175 * R0),
-        A12=((28 - 30 * G2 - 108 * G3) * f2 - 55 * c0 * f3) / (175 * R0),
-        A201=-6 * (2 * G2 * f2 + c0 * f3) / (35 * R0),
-        A011=18 * ((G2 - 2 * G3) * g1 - c0 * f2) / (35 * R0),
-        A3r=((120 * G2**2 - 89 * G2 - 15) * f2 - 8 * c0 * (8 - 9 * G3) * f3) / (175 * R0),
-        A11r=4 * (a11r - 2 * c0 * (37 - 81 * G3) * f2) / (175 * R0),
+        A5=-(c0 * w5 + 4 * G2 * w4) / (140 * R0),
+        A31=((7 - 55 * G2 - 12 * G3) * w3 - 20 * c0 * w4) / (175 * R0),
+        A12=((28 - 30 * G2 - 108 * G3) * w2 - 55 * c0 * w3) / (175 * R0),
+        A201=-6 * (2 * G2 * w2 + c0 * w3) / (35 * R0),
+        A011=18 * ((G2 - 2 * G3) * w1 - c0 * w2) / (35 * R0),
+        A3r=(a3r + 5 * ((3 + 13 * G2) * K2 + 8 * c0 * K3)) / (175 * R0),
+        A11r=4 * (a11r - 2 * c0 * (37 - 81 * G3) * w2 + 55 * c0 * K2) / (175 * R0),
         A1rr=(
             6 * (1 - G2) * (13 + 60 * G2) * f0
-            + 2 * c0 * ((205 - 648 * G3) * g1 - 97 * K)
+            + 2 * c0 * ((205 - 648 * G3) * w1 - 97 * K1)
             + 56 * p.D / R0
         )
         / (175 * R0),
-        A2s=6 * (5 * K - 3 * (1 + 4 * G2) * (g1 + c0 * f2)) / (35 * R0),
+        A2s=6 * (5 * (K1 + c0 * K2) - 3 * (1 + 4 * G2) * (w1 + c0 * w2)) / (35 * R0),
         A01s=-18 * (2 * (1 - G3) * f0 + on_3 + beta * R0) / (35 * R0),
         A001r=18 * ((1 - G2) * f0 + on_2 - beta * R0) / (35 * R0),
         Ars=216 * c0 * (G2 - G3) * f0 / (35 * R0),
-        B4=-((7 + 8 * G3) * f3 + 5 * c0 * G2 * f4) / (35 * R0),
-        B21=-(11 * c0 * G2 * f3 + (28 + 10 * G2 + 72 * G3) / 5 * f2) / (7 * R0),
-        B02=-6 * G2 * (g1 + c0 * f2) / (7 * R0),
-        B101=6 * ((1 - 4 * G3) * g1 - 3 * c0 * G2 * f2) / (7 * R0),
-        B2r=(16 * (5 * K - 9 * (1 - G3) * g1) - 15 * c0 * (1 - G2) * (1 + 8 * G2) * f2) / (35 * R0),
+        B4=-((7 + 8 * G3) * w3 + 5 * c0 * G2 * w4) / (35 * R0),
+        B21=-(11 * c0 * G2 * w3 + (28 + 10 * G2 + 72 * G3) / 5 * w2) / (7 * R0),
+        B02=-6 * G2 * (w1 + c0 * w2) / (7 * R0),
+        B101=6 * ((1 - 4 * G3) * w1 - 3 * c0 * G2 * w2) / (7 * R0),
+        B2r=(b2r + 5 * c0 * (3 + 13 * G2) * K2) / (35 * R0),
         B01r=6 * (b01r + 4 * p.D / R0 - (1 - G2) * f0) / (7 * R0),
         Brr=6 * c0 * (1 - G2) * (1 + 12 * G2) * f0 / (7 * R0),
         B1s=-6 * (4 * (1 - G3) * f0 + on_3 + beta * R0) / (7 * R0),
-        D3=-4 * (2 * G2 * f2 + c0 * G3 * f3) / (5 * R0),
-        D11=-12 * ((1 + 2 * G2) * g1 + 3 * c0 * G3 * f2) / (5 * R0),
+        D3=-4 * (2 * G2 * w2 + c0 * G3 * w3) / (5 * R0),
+        D11=-12 * ((1 + 2 * G2) * w1 + 3 * c0 * G3 * w2) / (5 * R0),
         D1r=-6 * (4 * (1 - G2) * f0 - on_2 + beta * R0) / (5 * R0),
         Ds=-12 * c0 * (1 - G3) * f0 / R0,
         kappa_3=shape_response(p, 3),
-        Q4=f4 / 42,
-        Q21=11 * f3 / 42,
-        Q02=f2 / 7,
-        Q101=3 * f2 / 7,
-        Q2r=(11 - 8 * G2) * f2 / 14,
-        Q01r=(4 * (5 - 3 * G2) * g1 - 10 * K) / 7,
+        Q4=w4 / 42,
+        Q21=11 * w3 / 42,
+        Q02=w2 / 7,
+        Q101=3 * w2 / 7,
+        Q2r=(11 - 8 * G2) * w2 / 14 - 13 * K2 / 42,
+        Q01r=(4 * (5 - 3 * G2) * w1 - 10 * K1) / 7,
         Qrr=-2 * (11 - 6 * G2) * f0 / 7,
-        Q1s=12 * g1 / 7,
-        S3=f3 / 15,
-        S11=3 * f2 / 5,
-        S1r=-6 * g1 / 5,
+        Q1s=12 * w1 / 7,
+        S3=w3 / 15,
+        S11=3 * w2 / 5,
+        S1r=-6 * w1 / 5,
     )

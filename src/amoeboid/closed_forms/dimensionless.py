@@ -29,7 +29,7 @@ class Dimensionless:
 def dimensionless(p: AnyPoints) -> Dimensionless:
     """The dimensionless numbers of some points. Raises InvalidInput where beta = 0."""
     at = _turning_over(p)
-    (f0,) = at.v_p_derivatives(at.c0, 0)
+    f0 = at.v_p(at.c0)
     return Dimensionless(
         c0=at.c0 / at.c_r,
         D=at.D / (at.R0**2 * at.beta),

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import (
+    driving_derivatives,
     driving_slope,
-    elastic_slope,
     flow_response,
     shape_response,
+    stress_slope,
 )
 from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, points
 from amoeboid.validation import InvalidInput
@@ -53,13 +54,12 @@ class SphereVelocities:
 
 @finite_result
 def driving_speeds(p: Points, c: Harmonics) -> Array:
-    """Modes l = 1, 2, 3 of v_p + K c to third order in a [L/T], shape (3, ...)."""
-    _, _, f2, f3 = p.v_p_derivatives(p.c0, 3)
-    g1 = driving_slope(p)
+    """Modes l = 1, 2, 3 of w(c) to third order in a [L/T], shape (3, ...)."""
+    _, w1, w2, w3 = driving_derivatives(p, 3)
     a, b, d = (np.asarray(x, dtype=float) for x in (c.a, c.b, c.d))
-    first = g1 * a + 2 * f2 * a * b / 5 + f3 * a**3 / 10
-    second = g1 * b + f2 * a**2 / 3
-    third = g1 * d + 3 * f2 * a * b / 5 + f3 * a**3 / 15
+    first = w1 * a + 2 * w2 * a * b / 5 + w3 * a**3 / 10
+    second = w1 * b + w2 * a**2 / 3
+    third = w1 * d + 3 * w2 * a * b / 5 + w3 * a**3 / 15
     return np.stack(np.broadcast_arrays(first, second, third))
 
 
@@ -71,13 +71,13 @@ def flow_modes(p: Points, c: Harmonics) -> Array:
     sphere is G_l times the driving speed of the mode.
     """
     f0, f1 = p.v_p_derivatives(p.c0, 1)
-    g1, K = driving_slope(p), elastic_slope(p)
+    w1, K1 = driving_slope(p), stress_slope(p)
     G2, G3 = flow_response(p, 2), flow_response(p, 3)
     a, rho_2, rho_3 = (np.asarray(x, dtype=float) for x in (c.a, c.rho_2, c.rho_3))
     drive = driving_speeds(p, c)
-    first = drive[0] + (9 * f1 / 5 + K) * a * rho_2
+    first = drive[0] + (9 * f1 / 5 + K1) * a * rho_2
     second = G2 * drive[1] + (1 - G2) * f0 * rho_2
-    shape = (1 - G3) * f0 * rho_3 + (f1 + (1 - 6 * G3) * g1) / 5 * a * rho_2
+    shape = (1 - G3) * f0 * rho_3 + (f1 + (1 - 6 * G3) * w1) / 5 * a * rho_2
     return np.stack(np.broadcast_arrays(first, second, G3 * drive[2] + shape))
 
 

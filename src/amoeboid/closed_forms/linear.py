@@ -1,7 +1,8 @@
 """Linear theory of the homogeneous sphere: growth rates, thresholds, finite pressure.
 
-Notation: S = eta_s + eta_b, L = l(l+1), f_k the k-th derivative of the law at c0. The elastic
-resistance alpha adds K = alpha R0/(2S) to the slope f_1 and does nothing else (docs/theory.md).
+Notation: S = eta_s + eta_b, L = l(l+1), f_k the k-th derivative of the law at c0. An isotropic
+stress tau(c) (elastic, active) acts as a polymerization speed of -R0 tau/(2S) would: flows follow
+w(c) = v_p(c) - R0 tau(c)/(2S), the motion of the membrane v_p alone (docs/theory.md).
 """
 
 from __future__ import annotations
@@ -51,22 +52,38 @@ class FirstMode:
 def base_tension(p: Points) -> Array:
     """Membrane tension zeta_0 of the homogeneous sphere [M/T^2]; main text, force balance.
 
-    Half the pressure times the radius, plus the treadmilling and the elastic pressure.
+    Half the pressure times the radius, plus the treadmilling, less the isotropic stress.
     """
-    (f0,) = p.v_p_derivatives(p.c0, 0)
-    return p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 + p.alpha * p.c0
+    return p.delta_P * p.R0 / 2 + 2 * p.v_p(p.c0) * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
+
+
+def stress_derivatives(p: Points, order: int) -> tuple[Array, ...]:
+    """K_k, the k-th derivative of -R0 tau/(2S) at c0, to `order` [L/T over powers of N/L^2]."""
+    return tuple(-t * p.R0 / (2 * (p.eta_s + p.eta_b)) for t in p.tau_derivatives(p.c0, order))
+
+
+def driving_derivatives(p: Points, order: int) -> tuple[Array, ...]:
+    """w_k = f_k + K_k, the k-th derivative at c0 of w = v_p - R0 tau/(2S), to `order`.
+
+    What drives the flow [L/T over powers of N/L^2].
+    """
+    speeds, stresses = p.v_p_derivatives(p.c0, order), stress_derivatives(p, order)
+    return tuple(f + K for f, K in zip(speeds, stresses, strict=True))
 
 
 @finite_result
-def elastic_slope(p: Points) -> Array:
-    """K = alpha R0/(2S), what the elastic resistance adds to v_p'(c0) [L^3/(T N)]."""
-    return p.alpha * p.R0 / (2 * (p.eta_s + p.eta_b))
+def stress_slope(p: Points) -> Array:
+    """K_1 = -R0 tau'(c0)/(2S), what the isotropic stress adds to v_p'(c0) [L^3/(T N)].
+
+    alpha R0/(2S) of the elastic resistance.
+    """
+    return stress_derivatives(p, 1)[1]
 
 
 @finite_result
 def driving_slope(p: Points) -> Array:
-    """g_1 = v_p'(c0) + K, the slope that drives the flow; negative where it polarizes."""
-    return p.v_p_derivatives(p.c0, 1)[1] + elastic_slope(p)
+    """w_1 = v_p'(c0) + K_1, the slope that drives the flow; negative where it polarizes."""
+    return driving_derivatives(p, 1)[1]
 
 
 def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
@@ -82,12 +99,12 @@ def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
 def shape_response(p: Points, l: ArrayLike) -> Array:
     """kappa_l: a steady shape has rho_l = kappa_l times the speed of mode l [T/L], for l >= 2.
 
-    The speed is that of v_p + K c; 0 for delta_P -> infinity. Raises InvalidInput unless l is a
+    The speed is that of w(c); 0 for delta_P -> infinity. Raises InvalidInput unless l is a
     whole number >= 2, and where delta_P and v_p(c0) are both 0.
     """
     L = _degree(l, lowest=2)
     S = p.eta_s + p.eta_b
-    (f0,) = p.v_p_derivatives(p.c0, 0)
+    f0 = p.v_p(p.c0)
     pull = 8 * p.eta_s * S
     stiffness = p.delta_P * p.R0**2 * (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s) + pull * f0
     if np.any(stiffness == 0):
@@ -109,7 +126,7 @@ def growth_rate(p: Points, l: ArrayLike) -> Array:
 
 @finite_result
 def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
-    """The driving slope g_1 at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0."""
+    """The driving slope w_1 at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0."""
     if np.any(np.asarray(p.c0) == 0):
         raise InvalidInput("c0 must be > 0 for a threshold, got 0: there is nothing to advect")
     L = _degree(l)
@@ -128,20 +145,27 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
     if p.c0 == 0:
         p.v_p_derivatives(p.c0, 1)
         return _none("c0 = 0: there are no filaments for the flow to carry")
-    target = float(critical_slope(p, l) - elastic_slope(p))
+    target = float(critical_slope(p, l) - stress_slope(p))
     if proportional_to_speed(p):
         slope = float(p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1])
-        if slope >= 0:
-            return _none("the law does not decrease with c at c0: polymerization stabilizes")
-        if target == 0:
-            return _none("D, beta and alpha are 0: nothing opposes polarization at any v_p0 > 0")
-        return Thresholds(_representable(np.array([target / slope])), np.array([True]), "")
+        if not slope * target > 0:
+            return _none(_without_threshold(slope, target))
+        return Thresholds(_representable(np.array([target / slope])), np.array([slope < 0]), "")
     scale = abs(target) * float(p.c_r) or float(p.v_p0) or 1.0
     roots = roots_about(lambda v: growth_rate(p.at_speed(v), l), scale)
     found = list(islice(roots, MAX_THRESHOLDS))
     if not found:
         return _none("lambda is never 0 for this law within 8 decades of its natural speed scale")
     return Thresholds(np.array(found), np.array([_rises(p, v, l) for v in found]), "")
+
+
+def _without_threshold(slope: float, target: float) -> str:
+    """Why slope v_p0 = target has no solution v_p0 > 0."""
+    if target > 0:
+        return "the isotropic stress alone polarizes the cell, at any v_p0"
+    if slope >= 0:
+        return "the law does not decrease with c at c0: polymerization stabilizes"
+    return "D, beta and the slope of the stress are 0: nothing opposes polarization at any v_p0 > 0"
 
 
 def critical_speed(p: AnyPoints, l: int = 1) -> Array:
@@ -154,9 +178,9 @@ def critical_speed(p: AnyPoints, l: int = 1) -> Array:
     if not proportional_to_speed(p):
         return np.reshape([_lowest(point, l) for point in p.flat()], p.shape)
     slope = p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1]
-    target = critical_slope(p, l) - elastic_slope(p)
-    if not (np.all(slope < 0) and np.all(target < 0)):
-        absent = ~(np.broadcast_to(slope, p.shape) < 0) | ~(np.broadcast_to(target, p.shape) < 0)
+    target = critical_slope(p, l) - stress_slope(p)
+    absent = ~(np.broadcast_to(np.sign(slope) * np.sign(target), p.shape) > 0)
+    if np.any(absent):
         _lowest(p.flat()[int(np.flatnonzero(absent)[0])], l)
     with np.errstate(all="ignore"):
         return _representable(target / slope)
@@ -187,8 +211,7 @@ def finite_pressure_matrix(p: Points, l: ArrayLike) -> Array:
     """
     L = _degree(l, lowest=2)
     S = p.eta_s + p.eta_b
-    (f0,) = p.v_p_derivatives(p.c0, 0)
-    g1 = driving_slope(p)
+    f0, g1 = p.v_p(p.c0), driving_slope(p)
     M11 = -L * p.D / p.R0**2 - p.beta - 2 * p.c0 * g1 / p.R0
     M12 = p.c0 * (L - 2) / p.R0 * (p.delta_P * p.R0**2 / (4 * S) - f0)
     M21 = g1 / p.R0
@@ -238,10 +261,10 @@ def critical_pressure(p: Points) -> Array:
 
     v_p0 is not used: the l = 1 threshold takes its place. Raises InvalidInput without a threshold.
     """
-    (f0,) = p.at_speed(critical_speed(p)).v_p_derivatives(p.c0, 0)
+    f0 = p.at_speed(critical_speed(p)).v_p(p.c0)
     S = p.eta_s + p.eta_b
     resisting = 6 * p.D * (2 * p.eta_s + p.eta_b) + p.R0**2 * p.beta * p.eta_s
-    # Without diffusion and turnover the l = 1 threshold rests on alpha alone; mode 2 never leads.
+    # Without diffusion and turnover the threshold rests on the stress alone; mode 2 never leads.
     return np.where(
         resisting > 0, 4 * p.beta * p.eta_s * S * f0 / np.where(resisting > 0, resisting, 1), 0.0
     )
@@ -250,16 +273,22 @@ def critical_pressure(p: Points) -> Array:
 def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:
     """First v_p0 [L/T] at which each mode l = 1 .. l_max goes unstable at the given delta_P.
 
-    Modes that stay stable are left out. p is a single point; its v_p0 is not used.
+    0 where it grows without polymerization; modes that stay stable are left out. p is a single
+    point; its v_p0 is not used.
     """
     p = _single(p)
     onsets = {}
     first = thresholds(p)
-    if np.any(first.onset):
+    if _is_positive(partial(_slowest, p, 1), 0.0):
+        onsets[1] = 0.0
+    elif np.any(first.onset):
         onsets[1] = float(first.v_p0[np.argmax(first.onset)])
     scale = onsets.get(1) or float(p.c_r) * float(p.beta * p.R0 + p.D / p.R0) or 1.0
     for l in range(2, l_max + 1):
         rate = partial(_slowest, p, l)
+        if _is_positive(rate, 0.0):
+            onsets[l] = 0.0
+            continue
         roots = islice(roots_about(rate, scale), MAX_THRESHOLDS)
         rising = next((v for v in roots if _is_positive(rate, v * (1 + 1e-6))), None)
         if rising is not None:

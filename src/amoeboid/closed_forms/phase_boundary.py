@@ -10,7 +10,13 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed, second_harmonic
-from amoeboid.closed_forms.linear import MAX_THRESHOLDS, driving_slope, thresholds
+from amoeboid.closed_forms.linear import (
+    MAX_THRESHOLDS,
+    critical_slope,
+    driving_slope,
+    growth_rate,
+    thresholds,
+)
 from amoeboid.closed_forms.points import AnyPoints, Points, points
 from amoeboid.closed_forms.roots import roots_about
 from amoeboid.validation import InvalidInput
@@ -33,9 +39,8 @@ def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
     """All D > 0 at which nu = 0 at the threshold, for each c0, at delta_P of p.
 
     Main text figure 3C is `phase_boundary(infinite_pressure(p), c0)`. For any law, viscosity ratio
-    and alpha; D and v_p0 of p are not used. On the curve lambda_1 = 0
-    gives D as a function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for
-    c0 <= 0.
+    and isotropic stress; D and v_p0 of p are not used. On the curve lambda_1 = 0 gives D as a
+    function of v_p0, so nu = 0 is one equation in v_p0. Raises InvalidInput for c0 <= 0.
     """
     base = points(p)
     values = np.atleast_1d(points(base, c0=c0).c0)
@@ -49,15 +54,18 @@ def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
 
 def diffusion_at_threshold(p: Points, v_p0: ArrayLike) -> Array:
     """D at which lambda_1 = 0 at this v_p0 [L^2/T]; negative where there is none."""
-    g1 = driving_slope(p.at_speed(v_p0))
-    return -p.R0 * (p.c0 * g1 + p.beta * p.R0 / 2)
+    w1 = driving_slope(p.at_speed(v_p0))
+    return -p.R0 * (p.c0 * w1 + p.beta * p.R0 / 2)
 
 
 def _crossings(p: Points) -> list[tuple[float, float]]:
     """Pairs (D, v_p0) with lambda_1 = nu = 0 at one c0."""
-    start = thresholds(points(p, D=1e-12 * (p.R0**2 * p.beta or 1.0)))
-    if start.reason:
+    still = points(p, D=1e-12 * (p.R0**2 * p.beta or 1.0))
+    start = thresholds(still)
+    if start.reason and not growth_rate(still.at_speed(0.0), 1) > 0:
         return []
+    # where the stress alone polarizes at small D: the speed that would do so without it
+    scale = start.v_p0[0] if start.v_p0.size else abs(critical_slope(still)) * p.c_r
 
     def numerator(v: Array) -> Array:
         # nu without its pole, where harmonic 2 is neutral; D < 0 is no model and gives no root.
@@ -67,5 +75,5 @@ def _crossings(p: Points) -> list[tuple[float, float]]:
         nu, rate = cubic_coefficient_at_speed(at), second_harmonic(at).rate_at_rest
         return np.where(allowed, nu * rate, np.nan)
 
-    roots = islice(roots_about(numerator, float(start.v_p0[0])), MAX_THRESHOLDS)
+    roots = islice(roots_about(numerator, float(scale)), MAX_THRESHOLDS)
     return [(float(diffusion_at_threshold(p, v)), v) for v in roots]

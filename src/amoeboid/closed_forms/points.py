@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Material, Parameters
 from amoeboid.model.polymerization import Law
-from amoeboid.model.polymerization import law as law_from
+from amoeboid.model.stress import Stress
 from amoeboid.validation import InvalidInput, refuse_unknown, rule
 
 Arguments = ParamSpec("Arguments")
@@ -21,10 +21,11 @@ Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Points:
+class Points(Material):
     """Parameter points as arrays that broadcast against each other; made by `points`.
 
-    Symbols, units and ranges are those of `Parameters`; the law is the same at every point.
+    Symbols, units and ranges are those of `Parameters`. Law and stress are the same at every point,
+    their own parameters may be arrays.
     """
 
     R0: Array
@@ -38,15 +39,12 @@ class Points:
     v_p0: Array
     alpha: Array
     law: Law
+    stress: Stress
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The common shape of all parameters."""
-        return np.broadcast_shapes(*(np.shape(getattr(self, f.name)) for f in _NUMBERS))
-
-    def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
-        """(v_p, v_p', v_p'', ...) at c, to `order`."""
-        return self.law.derivatives(c, self.v_p0, self.c_r, order)
+        return np.broadcast_shapes(*map(np.shape, self._columns().values()))
 
     def at_speed(self, v_p0: ArrayLike) -> Points:
         """The same points with another polymerization speed scale [L/T]."""
@@ -58,16 +56,33 @@ class Points:
 
     def flat(self) -> list[Points]:
         """The points one by one, in C order."""
-        columns = {f.name: np.broadcast_to(getattr(self, f.name), self.shape) for f in _NUMBERS}
+        columns = {k: np.broadcast_to(v, self.shape) for k, v in self._columns().items()}
         return [
-            Points(**{name: column[index] for name, column in columns.items()}, law=self.law)
+            _with_numbers(self, {name: column[index] for name, column in columns.items()})
             for index in np.ndindex(self.shape)
         ]
+
+    def _columns(self) -> dict[str, Any]:
+        """All numbers by name, those of law and stress with a dot."""
+        own = {
+            f"{kind}.{name}": value
+            for kind in RELATIONS
+            for name, value in getattr(self, kind).own.items()
+        }
+        return {name: getattr(self, name) for name in DIMENSIONS} | own
 
 
 AnyPoints = Parameters | Points
 
 _NUMBERS = tuple(f for f in fields(Parameters) if "kind" in f.metadata)
+
+
+def _with_numbers(base: Points, numbers: dict[str, Any]) -> Points:
+    relations = {}
+    for kind in RELATIONS:
+        own = {k.partition(".")[2]: v for k, v in numbers.items() if k.startswith(f"{kind}.")}
+        relations[kind] = getattr(base, kind).with_values(own)
+    return replace(base, **{k: v for k, v in numbers.items() if "." not in k}, **relations)
 
 
 def points(base: AnyPoints, **changes: Any) -> Points:
@@ -78,17 +93,22 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     >>> points(Parameters(), D=[0.03, 0.4]).shape
     (2,)
     """
+    if isinstance(base, Points) and not changes:
+        return base
+    relations = {
+        kind: make(changes.pop(kind, getattr(base, kind))) for kind, (make, _) in RELATIONS.items()
+    }
     values: dict[str, Any] = {f.name: np.asarray(getattr(base, f.name)) for f in _NUMBERS}
-    law = law_from(changes.pop("law", base.law))
+    found = Points(**values, **relations)
     by_name = {f.name: f for f in _NUMBERS}
-    refuse_unknown(changes, (*by_name, "law"), "parameter")
-    for name, value in changes.items():
-        values[name] = _checked(by_name[name], value)
-    found = Points(**values, law=law)
+    refuse_unknown(changes, (*found._columns(), *RELATIONS), "parameter")
+    checked = {name: _checked(name, by_name.get(name), value) for name, value in changes.items()}
+    found = _with_numbers(found, checked)
     try:
         _ = found.shape
     except ValueError:
-        shapes = ", ".join(f"{n}: {v.shape}" for n, v in values.items() if v.ndim)
+        columns = {n: np.shape(v) for n, v in found._columns().items()}
+        shapes = ", ".join(f"{n}: {shape}" for n, shape in columns.items() if shape)
         raise InvalidInput(f"parameter arrays must broadcast, got shapes {shapes}") from None
     return found
 
@@ -133,20 +153,21 @@ def _refuse_overflow(name: str, result: Any) -> None:
         )
 
 
-def _checked(f: Field[Any], value: Any) -> Array:
+def _checked(name: str, f: Field[Any] | None, value: Any) -> Array:
+    allowed = rule(f) if f else "a finite number"
     try:
         array = np.asarray(value)
         if array.dtype.kind not in "iuf":
             raise TypeError
         array = array.astype(float)
     except (TypeError, ValueError):
-        raise InvalidInput(f"{f.name} must be {rule(f)}, got {value!r}") from None
-    bounds = f.metadata["bounds"]
+        raise InvalidInput(f"{name} must be {allowed}, got {value!r}") from None
+    bounds = f.metadata["bounds"] if f else {">": None, ">=": None}
     good = np.isfinite(array)
     if bounds[">"] is not None:
         good &= array > bounds[">"]
     if bounds[">="] is not None:
         good &= array >= bounds[">="]
     if not np.all(good):
-        raise InvalidInput(f"{f.name} must be {rule(f)}, got {array[~good].flat[0]:.6g}")
+        raise InvalidInput(f"{name} must be {allowed}, got {array[~good].flat[0]:.6g}")
     return array

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.model.parameters import DIMENSIONS
+from amoeboid.model.parameters import DIMENSIONS, RELATIONS
 from amoeboid.validation import InvalidInput, refuse_unknown
 
 Points = tuple[tuple[float, float], ...]
@@ -219,6 +219,9 @@ def change(found: Any) -> Change:
 class Changes(Mapping[str, Change]):
     """The parameters that change in time, by name; values are what `change` takes.
 
+    Names are those of the numbers in Parameters, also of law and stress (`law.n`, `stress.chi`),
+    and `cue.strength`.
+
     Raises InvalidInput for an unknown name, R0, and a value that is no change.
     """
 
@@ -230,7 +233,8 @@ class Changes(Mapping[str, Change]):
                     f"changes may name any parameter but {name}, got {name}: it sets the area that "
                     "the membrane keeps; change delta_P or the viscosities instead"
                 )
-            refuse_unknown([name], CHANGEABLE, "parameter that can change")
+            if not _of_a_relation(name):
+                refuse_unknown([name], CHANGEABLE, "parameter that can change")
             try:
                 self._changes[name] = change(found)
             except InvalidInput as error:
@@ -259,17 +263,31 @@ class Changes(Mapping[str, Change]):
                 written[name] = found.written()
             except InvalidInput as error:
                 raise InvalidInput(f"changes.{name}: {error}") from None
-        cue = written.pop(CUE_STRENGTH, None)
-        return written if cue is None else written | {"cue": {"strength": cue}}
+        return _nested(written)
+
+
+def _of_a_relation(name: str) -> bool:
+    """Whether a name is that of a parameter of law or stress: `law.n`."""
+    kind, dot, _ = name.partition(".")
+    return bool(dot) and kind in RELATIONS
 
 
 def _flat(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Names and values, where a file has a table `cue` within its section."""
-    cue = given.get("cue")
-    if not isinstance(cue, Mapping):
-        return dict(given)
-    others = {name: found for name, found in given.items() if name != "cue"}
-    return others | {f"cue.{name}": found for name, found in cue.items()}
+    """Names and values, where a file has tables such as `cue` within its section."""
+    flat: dict[str, Any] = {}
+    for name, found in given.items():
+        table = name in (*RELATIONS, "cue") and isinstance(found, Mapping)
+        flat |= {f"{name}.{own}": value for own, value in found.items()} if table else {name: found}
+    return flat
+
+
+def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
+    """The tables that `_flat` reads."""
+    nested: dict[str, Any] = {}
+    for name, found in flat.items():
+        table, dot, own = name.partition(".")
+        nested |= {table: nested.get(table, {}) | {own: found}} if dot else {name: found}
+    return nested
 
 
 def _points(kind: str, points: Iterable[Any], *, earliest_allowed: bool) -> Points:

@@ -61,7 +61,7 @@ class Inputs:
     def parameters_at(self, t: float, since: float) -> Parameters:
         """The parameters at time t, where no break lies between `since` and t; see Change.at."""
         values = {
-            name: self._value(name, t, since, getattr(self.given, name))
+            name: self._value(name, t, since, self.given.value(name))
             for name in self.changes
             if name != CUE_STRENGTH
         }

@@ -6,50 +6,87 @@ norm or one elimination, the computation is done in the natural units of the cel
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.model.constitutive import Relation
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.model.polymerization import Law
+from amoeboid.model.stress import Stress
 from amoeboid.model.units import Units
 
 
 @dataclass(frozen=True)
-class MeasuredLaw(Law):
-    """A law whose speeds and concentrations are measured in other units than those of `law`.
+class Measured(Relation):
+    """A relation measured in other units than those of `relation`, which it holds.
 
-    The numbers in an expression such as `v_p0*exp(-(c - 3)/2)` belong to its own units.
+    The numbers in an expression such as `v_p0*exp(-(c - 3)/2)`, and its own parameters, belong to
+    its own units.
     """
 
-    law: Law
+    relation: Any
     units: Units
+    dimensions: ClassVar[tuple[str, ...]]
+    """Those of the value, and of the arguments."""
 
     @property
     def name(self) -> str:  # type: ignore[override]
-        """The name of the law itself."""
-        return self.law.name
+        """The name of the relation itself."""
+        return self.relation.name
 
-    def derivatives(
-        self, c: ArrayLike, v_p0: ArrayLike, c_r: ArrayLike, order: int = 3
-    ) -> tuple[Array, ...]:
-        """See Law.derivatives."""
-        speed, concentration = self.units.of("L/T"), self.units.of("N/L^2")
-        own = self.law.derivatives(
-            np.asarray(c) * concentration,
-            np.asarray(v_p0) * speed,
-            np.asarray(c_r) * concentration,
-            order,
-        )
-        return tuple(v * (concentration**k / speed) for k, v in enumerate(own))
+    @property
+    def own(self) -> dict[str, Any]:
+        """The parameters of the relation itself."""
+        return self.relation.own
+
+    def replaced(self, own: Mapping[str, Any]) -> Self:
+        """See Relation.replaced."""
+        return replace(self, relation=self.relation.replaced(own))
+
+    def with_values(self, own: Mapping[str, Any]) -> Self:
+        """See Relation.with_values."""
+        return replace(self, relation=self.relation.with_values(own))
+
+    def _value(self, at: Sequence[Any]) -> Any:
+        size, *sizes = (self.units.of(dimension) for dimension in self.dimensions)
+        return self.relation.value(*(x * s for x, s in zip(at, sizes, strict=True))) / size
+
+    def _to_order(self, order: int, at: Sequence[Any]) -> tuple[Array, ...]:
+        size, *sizes = (self.units.of(dimension) for dimension in self.dimensions)
+        measured = (np.asarray(x) * s for x, s in zip(at, sizes, strict=True))
+        own = self.relation.derivatives(*measured, order=order)
+        return tuple(v * (sizes[0] ** k / size) for k, v in enumerate(own))
+
+
+class MeasuredLaw(Measured, Law):
+    """A law whose speeds and concentrations are measured in other units than its own."""
+
+    dimensions = ("L/T", "N/L^2", "L/T", "N/L^2")
+
+    def value(self, c: Any, v_p0: Any, c_r: Any) -> Any:
+        """See Law.value."""
+        return self._value((c, v_p0, c_r))
+
+
+class MeasuredStress(Measured, Stress):
+    """A stress measured in other units than its own."""
+
+    dimensions = ("M/T^2", "N/L^2", "N/L^2")
+
+    def value(self, c: Any, c_r: Any) -> Any:
+        """See Stress.value."""
+        return self._value((c, c_r))
 
 
 def in_units(p: Parameters, units: Units) -> Parameters:
     """The same cell with its parameters measured in other units."""
     values = {name: getattr(p, name) / units.of(unit) for name, unit in DIMENSIONS.items()}
-    return Parameters(**values, law=MeasuredLaw(p.law, units))
+    law, stress = MeasuredLaw(p.law, units), MeasuredStress(p.stress, units)
+    return Parameters(**values, law=law, stress=stress)
 
 
 def natural_units(p: Parameters) -> Units:

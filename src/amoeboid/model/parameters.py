@@ -11,7 +11,15 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.polymerization import LawField, refuse_unwritable
+from amoeboid.model.polymerization import NAMED_LAWS, LawField, law
+from amoeboid.model.specified import declared_dimension, refuse_unwritable
+from amoeboid.model.stress import (
+    NAMED_STRESSES,
+    NoStress,
+    StressField,
+    isotropic_stress,
+    stress,
+)
 from amoeboid.model.units import Units, measured, quantity
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
@@ -33,6 +41,7 @@ PAPER_CELL: dict[str, str] = {
     "v_p0": "1.7 um/s",
     "alpha": "0 Pa m^3",
     "law": "exponential",
+    "stress": "none",
 }
 
 _EXAMPLES = {
@@ -47,12 +56,67 @@ _EXAMPLES = {
 }
 
 
+class Material:
+    """Polymerization and isotropic stress of the cortex as functions of c, at some parameters.
+
+    The parameters may be numbers, complex numbers, or arrays that broadcast.
+    """
+
+    law: Any
+    stress: Any
+    alpha: Any
+    c_r: Any
+    v_p0: Any
+
+    def v_p(self, c: ArrayLike) -> Array:
+        """Polymerization speed at concentration c [L/T]; main text `vp`."""
+        return self.v_p_derivatives(c, 0)[0]
+
+    def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
+        """(v_p, v_p', v_p'', ...) at c, to `order`."""
+        return self.law.derivatives(c, self.v_p0, self.c_r, order)
+
+    def tau(self, c: ArrayLike) -> Array:
+        """Isotropic stress at concentration c, -alpha c and the active stress [M/T^2]."""
+        return self.tau_derivatives(c, 0)[0]
+
+    def tau_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
+        """(tau, tau', tau'', ...) at c, to `order`."""
+        return isotropic_stress(self.stress, c, self.alpha, self.c_r, order)
+
+    @property
+    def has_isotropic_stress(self) -> bool:
+        """Whether tau is anything but 0 for all c."""
+        return self.alpha != 0 or not isinstance(self.stress, NoStress)
+
+
+class ParameterPoint(Material):
+    """Parameters as plain attributes, unchecked; some may be complex."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.__dict__.update(values)
+
+    def replaced(self, values: Mapping[str, Any]) -> ParameterPoint:
+        """The same with other values, also of `law.n`."""
+        plain, own = _split(values)
+        relations = {
+            kind: getattr(self, kind).with_values(own[kind]) for kind in RELATIONS if own[kind]
+        }
+        return ParameterPoint(self.__dict__ | relations | plain)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Parameters:
+class Parameters(Material):
     """One parameter point; any consistent units, defaults in the paper's simulation units.
 
-    Dimensions: L length, T time, M mass, N number of filaments. Raises InvalidInput for a value
-    outside its range, a wrong type, NaN or infinity.
+    Dimensions: L length, T time, M mass, N number of filaments. Law and stress may have parameters
+    of their own; their names are `law.n`, `stress.chi`. Raises InvalidInput for a value outside its
+    range, a wrong type, NaN or infinity.
+
+    >>> from amoeboid.model.polymerization import Custom
+    >>> p = Parameters(law=Custom("v_p0/(1 + (c/c_r)**n)", n=3), stress="contractility")
+    >>> p.replace(**{"law.n": 4, "stress.chi": 0.3}).value("law.n")
+    4.0
     """
 
     R0: float = number(1.0, "radius of the undeformed cell", "L", gt=0)
@@ -65,7 +129,8 @@ class Parameters:
     D: float = number(0.03, "filament diffusion coefficient", "L^2/T", ge=0)
     v_p0: float = number(3.8, "polymerization speed scale", "L/T", ge=0)
     alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
-    law: LawField = LawField()  # a Law, or its name or expression
+    law: LawField = LawField()  # a Law, its name or expression, or a Python function
+    stress: StressField = StressField()  # the same, a Stress
     units: Units | None = field(default=None, compare=False, repr=False)
     """Size of the units in SI base units, where the parameters were given in physical ones."""
 
@@ -79,26 +144,34 @@ class Parameters:
         What is left out is as in `PAPER_CELL`, the cell of the paper's estimates. The units of the
         numbers are those of the cell: length R0, time 1/beta (R0^2/D without turnover), mass
         eta_s/beta, filaments c_r R0^2; `units` holds their size, and `quantity` converts results
-        back. Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong
-        dimension, naming the parameter.
+        back. Numbers in an expression and own parameters of law and stress are in the units of the
+        cell; those whose dimension is declared (`stress.chi` of "contractility") are quantities.
+        Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong dimension,
+        naming the parameter.
 
         >>> cell = Parameters.physical(R0="10 um", v_p0="1.7 um/s")
         >>> cell.R0, f"{cell.quantity(cell.v_p0, 'L/T'):.2f}"
         (1.0, '1.70 µm/s')
         """
-        refuse_unknown(quantities, PARAMETER_NAMES, "parameter")
         given = {**PAPER_CELL, **quantities}
-        law = given.pop("law")
+        plain, own = _split(given)
+        relations: dict[str, Any] = {kind: plain.pop(kind) for kind in RELATIONS}
         si: dict[str, Any] = {
             name: measured(name, value, DIMENSIONS[name], _EXAMPLES[DIMENSIONS[name]])
-            for name, value in given.items()
+            for name, value in plain.items()
         }
-        cls(law=law, **si)  # refuses values out of range in the user's own numbers
+        cls(**si)  # refuses values out of range in the user's own numbers
         units = _own_units(si)
         values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}
         # By definition; dividing would leave rounding.
         values |= {"R0": 1.0, "eta_s": 1.0, "c_r": 1.0}
-        return cls(**values, law=law, units=units)
+        for kind, (make, named) in RELATIONS.items():
+            numbers = {
+                name: _own_number(f"{kind}.{name}", value, units, relations[kind], named)
+                for name, value in own[kind].items()
+            }
+            relations[kind] = make(relations[kind], numbers)
+        return cls(**values, **relations, units=units)
 
     def quantity(self, value: Any, dimension: str) -> Any:
         """A number of a dimension such as "L/T" in the units of the cell.
@@ -109,16 +182,32 @@ class Parameters:
 
     def quantities(self) -> dict[str, Any]:
         """All parameters by name, with their units if they were given in physical ones."""
-        values = {name: self.quantity(getattr(self, name), d) for name, d in DIMENSIONS.items()}
-        return values | {"law": self.law.name}
+        return {
+            name: self.quantity(value, dimension) if (dimension := self.dimension(name)) else value
+            for name, value in self.as_dict().items()
+        }
 
-    def v_p(self, c: ArrayLike) -> Array:
-        """Polymerization speed at concentration c [L/T]; main text `vp`."""
-        return self.law.value(c, self.v_p0, self.c_r)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all numbers, those of law and stress with a dot: `law.n`."""
+        own = [f"{kind}.{name}" for kind in RELATIONS for name in getattr(self, kind).own]
+        return (*DIMENSIONS, *own)
 
-    def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
-        """(v_p, v_p', v_p'', ...) at c, to `order`."""
-        return self.law.derivatives(c, self.v_p0, self.c_r, order)
+    def value(self, name: str) -> float:
+        """The number of a name. Raises InvalidInput for a name that is not among `names`."""
+        refuse_unknown([name], self.names, "parameter")
+        kind, dot, own = name.partition(".")
+        return float(getattr(self, kind).own[own]) if dot else float(getattr(self, name))
+
+    def dimension(self, name: str) -> str | None:
+        """Dimension of a number such as "L^2/T"; None for one whose law or stress declares none."""
+        kind, dot, own = name.partition(".")
+        return declared_dimension(getattr(self, kind), {}, own) if dot else DIMENSIONS.get(name)
+
+    def point(self, values: Mapping[str, Any] | None = None) -> ParameterPoint:
+        """The parameters with `values` of some names in their place, unchecked, even complex."""
+        names = (*DIMENSIONS, *RELATIONS)
+        return ParameterPoint({name: getattr(self, name) for name in names}).replaced(values or {})
 
     @property
     def rate(self) -> float:
@@ -144,20 +233,70 @@ class Parameters:
         return max(rates)
 
     def replace(self, **changes: Any) -> Parameters:
-        """A copy with some parameters changed; unknown names are refused."""
-        refuse_unknown(changes, PARAMETER_NAMES, "parameter")
-        return replace(self, **changes)
+        """A copy with some parameters changed, also `law.n`; unknown names are refused."""
+        return replace(self, **_with_relations(changes, self))
 
     def as_dict(self) -> dict[str, float | str]:
-        """Plain numbers and the law's name, in the order of the fields."""
-        values = {name: getattr(self, name) for name in PARAMETER_NAMES}
-        return values | {"law": self.law.name}
+        """Plain numbers, and names of law and stress with their own numbers, in a fixed order."""
+        values: dict[str, float | str] = {name: getattr(self, name) for name in DIMENSIONS}
+        for kind in RELATIONS:
+            relation = getattr(self, kind)
+            values |= {kind: relation.name}
+            values |= {f"{kind}.{name}": value for name, value in relation.own.items()}
+        return values
 
 
 PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")
+"""What a configuration may name; law and stress have numbers of their own besides."""
 
 DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
-"""Dimension of each parameter, such as "L^2/T"; the law has none."""
+"""Dimension of each parameter, such as "L^2/T"; law and stress have none."""
+
+RELATIONS: dict[str, tuple[Any, Mapping[str, Any]]] = {
+    "law": (law, NAMED_LAWS),
+    "stress": (stress, NAMED_STRESSES),
+}
+"""The constitutive relations of a cell: what makes one of a specification, and the named ones."""
+
+
+def _split(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
+    """Parameters of the cell, and those of law and stress: {"law": {"n": 3}, "stress": {}}."""
+    plain: dict[str, Any] = {}
+    own: dict[str, dict[str, Any]] = {kind: {} for kind in RELATIONS}
+    for name, value in values.items():
+        kind, dot, parameter = name.partition(".")
+        if dot and kind in RELATIONS:
+            own[kind][parameter] = value
+        else:
+            plain[name] = value
+    refuse_unknown(plain, PARAMETER_NAMES, "parameter")
+    return plain, own
+
+
+def _with_relations(values: Mapping[str, Any], base: Parameters) -> dict[str, Any]:
+    """`values` by field: parameters of law and stress, given by name, are part of these."""
+    plain, own = _split(values)
+    for kind, (make, _) in RELATIONS.items():
+        if own[kind]:
+            plain[kind] = make(plain.get(kind, getattr(base, kind)), own[kind])
+    return plain
+
+
+def _own_number(name: str, value: Any, units: Units, spec: Any, named: Mapping[str, Any]) -> Any:
+    """A parameter of a law or stress in the units of a cell; numbers are so already."""
+    if isinstance(value, int | float):
+        return value
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        pass
+    dimension = declared_dimension(spec, named, name.partition(".")[2])
+    if dimension is None:
+        raise InvalidInput(
+            f"{name} must be a number in the units of the cell (R0, 1/beta, eta_s, c_r R0^2), "
+            f"got {value!r}: its dimension is not known"
+        )
+    return measured(name, value, dimension, _EXAMPLES[dimension]) / units.of(dimension)
 
 
 def _own_units(si: Mapping[str, float]) -> Units:
@@ -180,17 +319,22 @@ def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
 
     Raises InvalidInput for an unknown name or a value that is refused.
     """
-    refuse_unknown(mapping, PARAMETER_NAMES, "parameter")
-    return Parameters(**mapping)
+    return Parameters().replace(**mapping)
 
 
 def parameters_to_toml(p: Parameters) -> str:
     """The parameters as TOML text; `parameters_from_toml` reads them back equal.
 
-    Raises InvalidInput for a law that a text cannot hold.
+    Raises InvalidInput for a law or a stress that a text cannot hold.
     """
-    refuse_unwritable(p.law)
+    refuse_unwritable_relations(p)
     return tomli_w.dumps(p.as_dict())
+
+
+def refuse_unwritable_relations(p: Parameters) -> None:
+    """Raise InvalidInput for a law or a stress that a text cannot hold."""
+    for kind, (make, _) in RELATIONS.items():
+        refuse_unwritable(getattr(p, kind), make)
 
 
 def parameters_from_toml(text: str) -> Parameters:

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 from amoeboid.config import Config
 from amoeboid.model.changes import CUE_STRENGTH
-from amoeboid.model.parameters import DIMENSIONS
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import State
 
@@ -43,9 +42,12 @@ def awaited(model: Model, t: float) -> str:
 
 
 def input_units(config: Config) -> dict[str, str | None]:
-    """Columns of the time series for what changes, and their dimensions; `cue.strength` is
-    cue_strength."""
-    return {_column(name): DIMENSIONS.get(name, "1") for name in config.changes}
+    """Columns of the time series for what changes, and their dimensions (None: not stated).
+
+    A dot in a name becomes an underscore: cue_strength.
+    """
+    of = config.parameters.dimension
+    return {_column(name): "1" if name == CUE_STRENGTH else of(name) for name in config.changes}
 
 
 def input_values(model: Model) -> dict[str, float]:
@@ -60,4 +62,4 @@ def _column(name: str) -> str:
 
 
 def _value(model: Model, name: str) -> float:
-    return float(model.cue.strength if name == CUE_STRENGTH else getattr(model.parameters, name))
+    return float(model.cue.strength if name == CUE_STRENGTH else model.parameters.value(name))

@@ -7,10 +7,10 @@ the Lagrangian balance dc/dt = -(div_s v) c + D lap_s c + beta (c0 - c); the adv
 beside the algorithm would count v.grad c twice. Then the nodes are moved back along the surface,
 and c is interpolated at their new places.
 
-Tension and elastic stress are the exact derivatives of the energy (SI `energy`), without the normal
-projection of `force_balance`; pressure is that of `force_balance`, so that both start from one
-equilibrium. The stiff shape modes limit the step: to less than 1e-4 on
-642 nodes at delta_P R0/(eta_s rate) = 300, in inverse proportion to delta_P and number of nodes.
+Tension and isotropic stress are the exact derivatives of the energy (SI `energy`), without the
+normal projection of `force_balance`; pressure is that of `force_balance`, so that both start from
+one equilibrium. The stiff shape modes limit the step: to less than 1e-4 on 642 nodes at delta_P
+R0/(eta_s rate) = 300, in inverse proportion to delta_P and number of nodes.
 """
 
 from __future__ import annotations
@@ -99,8 +99,8 @@ def constrained_flow(
     """
     p, mesh, r = model.parameters, model.mesh, state.r
     force = p.delta_P * pressure_force(r, g, mesh.faces)
-    if p.alpha > 0:
-        force += weighted_area_gradient(g, mesh.faces, p.alpha * state.c[mesh.faces].mean(axis=1))
+    if p.has_isotropic_stress:
+        force -= weighted_area_gradient(g, mesh.faces, p.tau(state.c)[mesh.faces].mean(axis=1))
     per_area = area_gradient(g, mesh.faces)
     wanted = (model.A0 - g.area) / dt - np.sum(per_area * (v_p + start))
     start = start + wanted / np.sum(per_area**2) * per_area

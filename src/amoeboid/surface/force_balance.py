@@ -1,7 +1,7 @@
 """Force balance of the cortex: div_s sigma + f_t + delta_P n = 0, solved for the velocity.
 
-In the discrete variables K v_c = delta_P dV/dr - zeta0 dA/dr + (elastic force), K the dissipation
-matrix. Two things make a long time step stable and keep the flow clean:
+In the discrete variables K v_c = delta_P dV/dr - (zeta0 + tau) dA/dr, K the dissipation matrix.
+Two things make a long time step stable and keep the flow clean:
 
 *Implicit tension.* A shape that moves by dt v_n changes its tension force by about
 -dt zeta0 L v_n, L the stiffness matrix. Added to K for the normal motion only, this term damps the
@@ -155,9 +155,9 @@ def force_balance(
     v_p = model.v_p(r, c)[:, None] * g.normals
     push = p.delta_P * _pressure(r, g, mesh.faces)
     force = normal_force(push - zeta0 * area_gradient(g, mesh.faces), r, g)
-    if p.alpha > 0:
-        # the stress -alpha c I acts like a negative, inhomogeneous tension
-        force += weighted_area_gradient(g, mesh.faces, p.alpha * c[mesh.faces].mean(axis=1))
+    if p.has_isotropic_stress:
+        # the stress tau(c) I acts like an inhomogeneous tension
+        force -= weighted_area_gradient(g, mesh.faces, p.tau(c)[mesh.faces].mean(axis=1))
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
         force += block_product(factorized.dissipation, mesh, v_c)

@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
+from amoeboid.closed_forms.points import points
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
+from amoeboid.model.constitutive import Differences, NoDerivatives
 from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
@@ -129,8 +131,19 @@ class Model:
 
     @cached_property
     def growth_rate(self) -> float:
-        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T]."""
-        return float(growth_rate(self.parameters, 1))
+        """Growth rate lambda_1 of a polarization of the homogeneous sphere [1/T].
+
+        By differences of law and stress where these have values only.
+        """
+        try:
+            return float(growth_rate(self.parameters, 1))
+        except NoDerivatives:
+            p = points(self.parameters)
+            slopes: dict[str, Any] = {
+                "law": Differences(p.law),
+                "stress": Differences(p.stress),
+            }
+            return float(growth_rate(replace(p, **slopes), 1))
 
     def v_p(self, r: Array, c: Array) -> Array:
         """Polymerization speed (V,) at nodes r (V, 3) with concentration c (V,) [L/T].
