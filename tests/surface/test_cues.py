@@ -134,9 +134,9 @@ def test_rotations_are_free_about_the_axis_of_a_cue_alone():
 
 @pytest.fixture(scope="module")
 def turning_cell():
-    """A polarized cell whose front is 30 degrees off a weak cue, while it turns there."""
+    """A polarized cell whose front is 17 degrees off a weak cue, while it turns there."""
     cue = am.Cue(strength=0.02, direction=(1.0, 0.0, 0.0))
-    initial = am.Initial(perturbation=2.0, direction=(-math.cos(0.5), 0.0, math.sin(0.5)))
+    initial = am.Initial(perturbation=2.0, direction=(-1.0, 0.0, 0.3))
     return run_of(POLAR, cue, 2, initial, end=45.0, max_step=0.4, stop_when_steady=False)
 
 
@@ -145,8 +145,8 @@ def test_cell_turns_its_front_towards_a_cue_and_is_not_steady_before(turning_cel
         math.atan2(v[2], -v[0]) for s in turning_cell for v in [polarization(s.model, s.state)]
     ]
     at = {round(s.state.t): a for s, a in zip(turning_cell, angles, strict=True)}
-    assert at[10] == pytest.approx(0.18, abs=0.04)
-    assert at[30] < 0.03
+    assert at[10] == pytest.approx(0.114, abs=0.01)
+    assert abs(at[45]) < 0.01
     slow = [s for s in turning_cell if 15.0 < s.state.t < 30.0]
     for step in slow:
         assert not step.steady
@@ -170,7 +170,7 @@ def test_growth_rate_under_a_cue_is_the_rate_of_turning_towards_it(turning_cell)
     seen = rates[np.argmin([misfit(rate) for rate in rates])]
     found = leading_growth_rate(last.model, last.state, last.flow, max_error=2e-3)
     print(seen, found)
-    # 0.006 of it from 162 nodes (0.001 on 642)
+    # error of 162 nodes: 0.006 (642: 0.001); axes that do not turn would make it 0.013
     assert found.rate == pytest.approx(seen, abs=0.01)
 
 
