@@ -17,11 +17,13 @@ from collections.abc import Callable  # noqa: E402
 
 import numpy as np  # noqa: E402
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states  # noqa: E402
-from amoeboid.axisymmetric.evolution import perturbed_sphere, settled  # noqa: E402
-from amoeboid.axisymmetric.phase_diagram import phase_columns, phase_diagram  # noqa: E402
+from amoeboid.axisymmetric.branches import branch_from_sphere  # noqa: E402
+from amoeboid.axisymmetric.evolution import evolve_to_steady, perturbed_sphere  # noqa: E402
+from amoeboid.axisymmetric.phase_diagram import diagram_of_columns, phase_columns  # noqa: E402
+from amoeboid.axisymmetric.search import steady_solutions  # noqa: E402
 from amoeboid.axisymmetric.stability import unstable_modes  # noqa: E402
 from amoeboid.axisymmetric.steady import steady_state  # noqa: E402
+from amoeboid.axisymmetric.window import Window  # noqa: E402
 from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.numerics.continuation import Options  # noqa: E402
 
@@ -64,7 +66,7 @@ def diagram(count: int) -> None:
     """A count x count phase diagram with its fold line."""
     values, speeds = np.linspace(0.03, 0.6, count), np.linspace(3.0, 8.0, count)
     columns = tuple(phase_columns(Parameters(), "D", values, speeds))
-    assert phase_diagram(Parameters(), "D", values, speeds, columns).fold_line
+    assert diagram_of_columns(Parameters(), "D", values, speeds, columns).fold_line
 
 
 def main() -> None:
@@ -73,7 +75,7 @@ def main() -> None:
     parser.add_argument("--grid", type=int, default=40, help="side of the phase diagram (40)")
     grid = parser.parse_args().grid
     p = Parameters(D=0.4, v_p0=6.0)
-    near = steady_states(p, degrees=(1,))[-1]
+    near = steady_solutions(p, degrees=(1,))[-1]
     moved = p.replace(v_p0=6.05)
     points = figure_branches()
     rows: list[tuple[str, tuple[float, float], str]] = [
@@ -82,7 +84,7 @@ def main() -> None:
         (f"branches 3A and 3B, {points[0]} + {points[1]} points", timed(figure_branches, 3), "2"),
         (
             "time evolution to the steady state",
-            timed(lambda: settled(p, perturbed_sphere(p, {1: 3.0}), 500.0), 2),
+            timed(lambda: evolve_to_steady(p, perturbed_sphere(p, {1: 3.0}), 500.0), 2),
             "",
         ),
         (f"phase diagram {grid} x {grid} with fold line", timed(lambda: diagram(grid), 1), "60"),

@@ -18,14 +18,15 @@ from collections.abc import Sequence  # noqa: E402
 from dataclasses import dataclass  # noqa: E402
 from pathlib import Path  # noqa: E402
 
-from amoeboid.axisymmetric.branches import steady_states  # noqa: E402
+from amoeboid.axisymmetric.search import steady_solutions  # noqa: E402
 from amoeboid.axisymmetric.stability import unstable_modes  # noqa: E402
-from amoeboid.axisymmetric.steady import SteadyState  # noqa: E402
+from amoeboid.axisymmetric.steady import SteadySolution  # noqa: E402
 from amoeboid.config import Config, Initial, Mesh, Time  # noqa: E402
 from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.model.polymerization import Inverse  # noqa: E402
 from amoeboid.observables import observed  # noqa: E402
-from amoeboid.simulation.loop import Diverged, evolve, start  # noqa: E402
+from amoeboid.simulation.loop import evolve, start  # noqa: E402
+from amoeboid.simulation.step_length import Diverged  # noqa: E402
 
 OBSERVED = ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
 # Below this share of c0 a front is empty; its error is then one of the share of c0, not of itself.
@@ -69,14 +70,14 @@ class Comparison:
     """One point: the axisymmetric state, and by number of nodes the errors and the deformation of
     the 3D shell."""
 
-    state: SteadyState
+    state: SteadySolution
     errors: dict[int, dict[str, float]]
     deformations: dict[int, float]
 
 
-def stable_polarized_state(p: Parameters) -> SteadyState:
+def stable_polarized_state(p: Parameters) -> SteadySolution:
     """The fastest axisymmetric steady state at p that no perturbation with m <= 3 destroys."""
-    moving = [s for s in steady_states(p) if s.max_retrograde_speed > AT_REST * p.rate * p.R0]
+    moving = [s for s in steady_solutions(p) if s.max_retrograde_speed > AT_REST * p.rate * p.R0]
     stable = [s for s in moving if not any(unstable_modes(s).values())]
     if not stable:
         found = [unstable_modes(s) for s in moving]
@@ -100,14 +101,14 @@ def shell(p: Parameters, subdivisions: int) -> tuple[int, dict[str, float]]:
         raise NotComparable(f"the shell at {p} diverges: {error}") from None
     if last.ended != "steady":
         raise NotComparable(f"the shell at {p} is not steady but at the {last.ended}")
-    return len(last.state.c), observed(last.model, last.state, last.flow)
+    return len(last.state.c), observed(last.cell)
 
 
 def _start(p: Parameters) -> float:
     return (START_INVERSE if isinstance(p.law, Inverse) else START) * p.c0
 
 
-def errors(found: dict[str, float], state: SteadyState) -> dict[str, float]:
+def errors(found: dict[str, float], state: SteadySolution) -> dict[str, float]:
     """Relative errors; that of an empty front relative to EMPTY c0."""
     scales = {name: getattr(state, name) for name in OBSERVED}
     scales["c_front"] = max(scales["c_front"], EMPTY * state.parameters.c0)

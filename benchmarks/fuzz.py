@@ -31,7 +31,9 @@ from amoeboid.meshes.connectivity import icosphere  # noqa: E402
 from amoeboid.meshes.geometry import MIN_QUALITY, area, mesh_quality, node_areas, volume  # noqa: E402
 from amoeboid.model.parameters import Parameters  # noqa: E402
 from amoeboid.output.folder import new_run  # noqa: E402
-from amoeboid.simulation.loop import Diverged, Step, evolve, start  # noqa: E402
+from amoeboid.simulation.loop import evolve, start  # noqa: E402
+from amoeboid.simulation.step import Step  # noqa: E402
+from amoeboid.simulation.step_length import Diverged  # noqa: E402
 from amoeboid.validation import InvalidInput  # noqa: E402
 
 LAWS = (

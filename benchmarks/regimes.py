@@ -23,7 +23,9 @@ from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import mesh_quality, observed
 from amoeboid.output.folder import new_folder, new_run
-from amoeboid.simulation.loop import Diverged, Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.step_length import Diverged
 
 SUBDIVISIONS = {162: 2, 642: 3, 2562: 4, 10242: 5}
 POLARIZED = Initial()
@@ -125,7 +127,7 @@ def followed(case: Case, nodes: int, control: Time, wall: float, keep: Path | No
         run.take(step)
     try:
         for step in evolve(first, config.time):
-            worst = min(worst, mesh_quality(step.model, step.state, step.flow))
+            worst = min(worst, mesh_quality(step.cell))
             shortest = min(shortest, step.dt)
             path.append(step.state.position)
             times.append(step.state.t)
@@ -158,7 +160,7 @@ def turned(record: Record) -> float:
 def row(name: str, record: Record) -> str:
     """One row of the table."""
     step, path = record.step, record.path
-    found = observed(step.model, step.state, step.flow)
+    found = observed(step.cell)
     way = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
     net = np.linalg.norm(path[-1] - path[0])
     cells = [

@@ -19,7 +19,8 @@ from amoeboid.cli.run import _stability
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
-from amoeboid.output import folder as store
+from amoeboid.output import frames
+from amoeboid.simulation import writers
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
@@ -174,8 +175,8 @@ def test_a_full_disk_is_a_failed_run(frame, tmp_path, monkeypatch, capsys):
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         write_frame(path, step)
 
-    write_frame = store.write_frame
-    monkeypatch.setattr(store, "write_frame", write)
+    write_frame = frames.write_frame
+    monkeypatch.setattr(frames, "write_frame", write)
     folder = tmp_path / "run"
     assert main(["run", *QUICK, "--set", "output.interval=0.6", "--json", "-o", str(folder)]) == 1
     out, err = capsys.readouterr()
@@ -189,7 +190,7 @@ def test_a_full_disk_is_a_failed_run(frame, tmp_path, monkeypatch, capsys):
     if frame == 0:
         return
     # it goes on from its last frame once there is room
-    monkeypatch.setattr(store, "write_frame", write_frame)
+    monkeypatch.setattr(frames, "write_frame", write_frame)
     assert main(["run", "--resume", str(folder), "--json"]) == 0
     assert json.loads((folder / "manifest.json").read_text())["status"] == "finished"
 
@@ -515,7 +516,7 @@ def test_whatever_ends_a_run_is_in_its_manifest(tmp_path, monkeypatch):
         def fail(*_, error=error):
             raise error
 
-        monkeypatch.setattr(store, "between", fail)
+        monkeypatch.setattr(writers, "between", fail)
         run = ["run", *QUICK, "--set", "output.interval=0.01", "-o", str(folder)]
         if status == "failed":
             with pytest.raises(MemoryError):

@@ -7,14 +7,14 @@ import subprocess
 import matplotlib
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting import cell, cell_process
-from amoeboid.plotting.branches import draw_states
+from amoeboid.plotting.branches import write_states
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import start
+from amoeboid.studies.states import steady_states
 from command import COMMAND, SHORT
 
 DYING = "import os, signal\nos.kill(os.getpid(), signal.SIGSEGV)\n"
@@ -85,13 +85,13 @@ def user_settings():
     "suffix", [".svg", *(pytest.param(x, marks=pytest.mark.slow) for x in (".png", ".pdf"))]
 )
 def test_figures_do_not_depend_on_the_settings_of_the_user(suffix, tmp_path):
-    states = [(s, True) for s in steady_states(Parameters(), (1,)).states]
+    states = steady_states(Parameters(), (1,))
     way = [[0.1 * k, 0.2 * k, 0.001 * k * k] for k in range(40)]
     files = [tmp_path / f"{k}{suffix}" for k in range(4)]
-    draw_states(states, files[0])
+    write_states(states, files[0])
     save_trajectory_picture(files[1], range(40), way, 1.0)
     with user_settings():
-        draw_states(states, files[2])
+        write_states(states, files[2])
         save_trajectory_picture(files[3], range(40), way, 1.0)
         assert matplotlib.rcParams["text.usetex"]
     assert files[0].read_bytes() == files[2].read_bytes()
@@ -122,7 +122,7 @@ def test_results_are_printed_where_a_picture_fails(arguments, tmp_path, monkeypa
     def fail(*_):
         raise ValueError("no font [/bold]\nfor this")
 
-    monkeypatch.setattr("amoeboid.plotting.branches.draw_states", fail)
+    monkeypatch.setattr("amoeboid.plotting.branches.write_states", fail)
     path = tmp_path / "a.png"
     path.write_bytes(b"an older picture")
     assert main(["steady", *arguments, "--plot", str(path)]) == 1

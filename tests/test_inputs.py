@@ -38,7 +38,7 @@ def steps_of(config):
 
 
 def amplitude(step):
-    return float(np.linalg.norm(polarization(step.model, step.state)))
+    return float(np.linalg.norm(polarization(step.cell)))
 
 
 @pytest.mark.parametrize(
@@ -71,7 +71,7 @@ def test_switched_cell_follows_the_axisymmetric_one():
     ):
         *_, exact = axisymmetric.evolve(p, y, duration, control)
         y = exact.y
-    found = observed(last.model, last.state, last.flow)
+    found = observed(last.cell)
     for name in ("c_front", "c_rear", "max_retrograde_speed"):
         print(name, found[name], getattr(exact, name))
         assert found[name] == pytest.approx(getattr(exact, name), rel=0.02)
@@ -328,6 +328,24 @@ def test_time_series_has_what_changes_also_of_a_resumed_run(tmp_path):
     ):
         with pytest.raises(am.InvalidInput, match=rf"--resume keeps \[{section}\] as it was"):
             resumed_run(tmp_path / "halved", other)
+
+
+def test_simulate_takes_changes_and_a_cue(tmp_path):
+    p = POLAR.replace(v_p0=5.0)
+    inputs = {"changes": {"v_p0": am.steps((0.1, 0.0))}, "cue": am.Cue(strength=0.2)}
+    mesh = am.Icosphere(1)
+    short = am.simulate(p, mesh=mesh, until=am.time(0.1), progress=False, **inputs)
+    whole = am.simulate(p, mesh=mesh, until=am.time(0.2), progress=False, **inputs)
+    assert np.array_equal(whole["v_p0"], np.where(whole["t"] <= 0.1, 5.0, 0.0))
+    again = short.resume(until=am.time(0.2), progress=False)
+    assert np.array_equal(again.final.c, whole.final.c)
+    folder = tmp_path / "run"
+    am.simulate(p, mesh=mesh, until=am.time(0.1), folder=folder, progress=False, **inputs)
+    loaded = am.load(folder).resume(until=am.time(0.2), progress=False)
+    assert np.array_equal(loaded.final.c, whole.final.c)
+    assert np.array_equal(am.load(folder)["v_p0"], whole["v_p0"])
+    static = am.simulate(p, mesh=mesh, until=am.time(0.2), cue=am.Cue(), progress=False)
+    assert "v_p0" not in static.units
 
 
 def test_reprs_are_short():

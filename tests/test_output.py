@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from amoeboid.cli import output
 from amoeboid.cli.main import main
-from amoeboid.cli.progress import fitting
-from amoeboid.cli.tables import number, percent, table, text
+from amoeboid.cli.tables import number, table, text
+from amoeboid.studies.columns import percent
+from amoeboid.terminal import fitting
 from command import COMMAND, SHORT
 
 # One cell, as base units of length, time, mass and number in units of R0, 1/beta, eta_s/beta and

@@ -8,7 +8,7 @@ import pytest
 
 from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
-from amoeboid.output.folder import write_frame
+from amoeboid.output.frames import write_frame
 from amoeboid.simulation.loop import start
 from surface.written import ellipsoid, write_surface
 

@@ -4,21 +4,24 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from amoeboid.config import Config, Initial, Mesh, Output, Time
+from amoeboid.config import SHORTEST_STEP, Config, Initial, Mesh, Output, Time
 from amoeboid.meshes.geometry import area, geometry, node_areas, volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.multistep import backward_difference, extrapolated
 from amoeboid.observables import filament_number, retrograde_flow
 from amoeboid.output.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from amoeboid.simulation import loop as simulation
-from amoeboid.simulation.loop import Diverged, between, due_times, evolve, start
+from amoeboid.simulation import step_length as simulation
+from amoeboid.simulation.dense_output import between, due_times
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step_length import Diverged
 from amoeboid.surface import stepping
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.rigid import angular_velocity, rotation
 from amoeboid.surface.stability import Growth, leading_growth_rate
-from amoeboid.surface.steadiness import SLOW_ROTATION
+from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, SLOW_ROTATION
 from amoeboid.surface.stepping import (
     difference,
-    foreseen,
+    extrapolation,
     local_error,
     semi_implicit_step,
     starting_step,
@@ -137,14 +140,14 @@ def test_local_error_is_that_of_the_backward_difference(degree):
         history = [at(t, t**degree, *push) for t in times]
         new = at(new_t, found, *push)
         scale = 1.0 if push == (1, 0) else model.parameters.c0 + new.c[5]
-        expected = foreseen(history, new.t)
+        expected = extrapolation(history, new.t)
         estimate = local_error(model, expected, (new.r, new.c), flow.normals)
         assert estimate == pytest.approx(1e-2 * error / scale, rel=1e-6)
     # nodes that slide within the surface make no error
     slide = np.cross(flow.normals, [0.3, -0.5, 0.8])
     history = [at(t, 0.0, 0, 0) for t in times]
     slid = replace(rest, t=new_t, r=rest.r + slide)
-    expected = foreseen(history, new_t)
+    expected = extrapolation(history, new_t)
     assert local_error(model, expected, (slid.r, slid.c), flow.normals) < 1e-12
 
 
@@ -212,7 +215,7 @@ def test_step_lengths_follow_from_the_error():
         assert step.next_dt <= 2.0 * step.dt * (1 + 1e-12)
         if step.rejected == before.rejected:
             new = step.state
-            expected = foreseen(before.history, new.t)
+            expected = extrapolation(before.history, new.t)
             error = local_error(step.model, expected, (new.r, new.c), step.flow.normals)
             wanted = simulation.SAFETY * (config.time.tolerance / error) ** (1 / 3) * step.dt
             assert step.next_dt == pytest.approx(min(wanted, 2.0 * step.dt))
@@ -228,7 +231,7 @@ def test_step_lengths_follow_from_the_error_of_a_short_past():
     _, _, of_start = starting_step(model, first.state, dt, first.flow, tolerance)
     second = next(evolve(replace(begun, next_dt=dt), Time(max_step=10.0, tolerance=10 * tolerance)))
     new = second.state
-    expected = foreseen(begun.history, new.t)
+    expected = extrapolation(begun.history, new.t)
     of_second = local_error(model, expected, (new.r, new.c), second.flow.normals)
     for step, error in ((begun, of_start / tolerance), (second, of_second / (10 * tolerance))):
         assert step.dt == pytest.approx(dt)
@@ -253,7 +256,7 @@ def test_steps_after_one_cut_short_grow_no_faster_than_is_stable(sliver):
     (cut,) = evolve(steps[-3], Time(end=reached))
     resumed = [cut, *evolve(cut, Time(end=1.0))]
     for before, step in pairwise(resumed):
-        shortest = 2.0 * simulation.SHORTEST_STEP / step.model.rate
+        shortest = 2.0 * SHORTEST_STEP / step.model.rate
         assert step.dt < max((1 + np.sqrt(2)) * before.dt, 1.01 * shortest)
     np.testing.assert_allclose(resumed[-1].state.c, steps[-1].state.c, rtol=2e-3)
 
@@ -446,7 +449,7 @@ def test_growth_that_does_not_show_is_not_waited_for_forever(monkeypatch):
     waited = found.index((2.0, True))
     assert found[1:waited] == [(2.0, False)] * (waited - 1)
     assert found[waited:] == [(2.0, True)] * (51 - waited)
-    assert 0.5 * (waited - 1) == pytest.approx(simulation.MAX_GROWTH_TIMES / 2.0, abs=0.6)
+    assert 0.5 * (waited - 1) == pytest.approx(MAX_GROWTH_TIMES / 2.0, abs=0.6)
 
 
 def test_a_state_whose_stability_cannot_be_found_is_steady_and_not_looked_at_again(monkeypatch):
@@ -532,11 +535,11 @@ def test_the_cell_between_two_steps_is_of_second_order_and_keeps_area_and_filame
             model, now = cell.model, cell.state
             assert now.t == t
             assert area(now.r, model.mesh.faces) == pytest.approx(model.A0, rel=1e-12)
-            found = filament_number(model, now, cell.flow)
-            assert found == pytest.approx(filament_number(model, *parts(steps[0])), rel=1e-12)
+            found = filament_number(SurfaceCell(model, now, cell.flow))
+            assert found == pytest.approx(filament_number(steps[0].cell), rel=1e-12)
             r = np.einsum("vi,vi->v", now.r - exact.state.r, exact.flow.normals)
-            flow = retrograde_flow(model, now, cell.flow)
-            v = flow - retrograde_flow(model, exact.state, exact.flow)
+            flow = retrograde_flow(SurfaceCell(model, now, cell.flow))
+            v = flow - retrograde_flow(SurfaceCell(model, exact.state, exact.flow))
             c = (now.c - exact.state.c) / exact.state.c
             worst = np.maximum(worst, [np.abs(c).max(), np.abs(r).max(), np.abs(v).max()])
         errors.append(worst)
@@ -581,8 +584,8 @@ def test_between_steps_concentrations_stay_positive_where_a_front_empties():
             t = before.state.t + share * step.dt
             cell = between(before, step, t)
             assert cell.state.c.min() >= 0
-            found = filament_number(cell.model, *parts(cell))
-            assert found == pytest.approx(filament_number(step.model, *parts(step)), rel=1e-12)
+            found = filament_number(cell.cell)
+            assert found == pytest.approx(filament_number(step.cell), rel=1e-12)
             numbers = [s.c * node_areas(s.r, step.model.mesh.faces) for s in step.history]
             straight += extrapolated([s.t for s in step.history], numbers, t).min() < 0
         before = step

@@ -23,18 +23,13 @@ from amoeboid.config import (
 )
 from amoeboid.model.parameters import Parameters, parameters_to_toml
 from amoeboid.model.polymerization import NAMED_LAWS, Law
-from amoeboid.observables import OBSERVABLES, observed, retrograde_flow
-from amoeboid.output import folder as store
-from amoeboid.output import versions
-from amoeboid.output.folder import (
-    new_folder,
-    new_run,
-    resumed_run,
-    stored_config,
-    write_atomically,
-    write_text,
-)
+from amoeboid.observables import OBSERVABLES, Observable, observed, retrograde_flow
+from amoeboid.output import atomic, versions
+from amoeboid.output.atomic import write_atomically, write_text
+from amoeboid.output.folder import new_folder, new_run, resumed_run, stored_config
+from amoeboid.output.timeseries import read_table
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
 CONFIG = Config(
@@ -75,7 +70,7 @@ def test_frames_open_in_pyvista_with_all_fields(tmp_path):
     np.testing.assert_array_equal(surface["c"], last.state.c)
     np.testing.assert_array_equal(surface["v"], last.flow.v_c + last.flow.v_p)
     np.testing.assert_array_equal(
-        surface["retrograde_flow"], retrograde_flow(model, last.state, last.flow)
+        surface["retrograde_flow"], retrograde_flow(SurfaceCell(model, last.state, last.flow))
     )
     assert surface.field_data["t"][0] == last.state.t
     # the triangles look outward, as VTK wants it
@@ -89,7 +84,7 @@ def test_time_series_has_every_step_and_observable(tmp_path):
     assert table.dtype.names == columns
     assert np.array_equal(table["step"], np.arange(last.number + 1))
     assert np.all(np.isfinite([table[name] for name in columns]))
-    for name, value in observed(model, last.state, last.flow).items():
+    for name, value in observed(SurfaceCell(model, last.state, last.flow)).items():
         assert table[name][-1] == value
 
 
@@ -102,7 +97,7 @@ def test_manifest_says_how_to_repeat_the_run(tmp_path):
     assert manifest["seed"] == 0
     assert {"amoeboid", "numpy", "scipy", "numba"} <= manifest["versions"].keys()
     assert [f["file"] for f in manifest["frames"]] == [f"frames/{n}" for _, n in run.frame_times]
-    assert manifest["time"] == asdict(resolved(CONFIG).time)
+    assert manifest["time"] == json.loads(json.dumps(asdict(resolved(CONFIG).time)))
     assert config_from_toml((tmp_path / "run" / "config.toml").read_text()) == CONFIG
 
 
@@ -383,8 +378,8 @@ def test_a_save_reads_and_writes_no_more_the_longer_the_run(tmp_path, monkeypatc
     step = next(evolve(step, CONFIG.time))
     run.take(step)
     written, looked_for = [], []
-    write_whole, is_file = store.write_text, Path.is_file
-    monkeypatch.setattr(store, "write_text", lambda p, t: (written.append(p), write_whole(p, t)))
+    write_whole, is_file = atomic.write_text, Path.is_file
+    monkeypatch.setattr(atomic, "write_text", lambda p, t: (written.append(p), write_whole(p, t)))
     monkeypatch.setattr(Path, "is_file", lambda p: (looked_for.append(p), is_file(p))[1])
     sizes = []
     for _ in range(40):
@@ -488,35 +483,61 @@ def observables():
     OBSERVABLES.update(saved)
 
 
-def r_std(model, state, flow):
-    return np.linalg.norm(state.r, axis=1).std()
+def r_std(cell):
+    return np.linalg.norm(cell.r, axis=1).std()
 
 
 def test_a_users_observable_is_a_column_of_the_next_run(observables, tmp_path):
     observables["r_std"] = r_std
     _, run, last = run_into(tmp_path / "run", stop_after=3)
     table = np.genfromtxt(run.folder / "timeseries.csv", delimiter=",", names=True)
-    assert table["r_std"][-1] == r_std(last.model, last.state, last.flow)
+    assert table["r_std"][-1] == r_std(last.cell)
     assert json.loads((run.folder / "manifest.json").read_text())["units"]["r_std"] is None
     resumed, _ = resumed_run(run.folder, run.given)
     assert resumed.rows == run.rows
+
+
+def test_a_resumed_run_has_the_columns_it_had_and_those_that_are_new(observables, tmp_path):
+    """Cells without a number are empty: before a column began, and after it ended."""
+    observables["r_std"] = Observable(r_std, "L", on_meshes=True)
+    _, run, _ = run_into(tmp_path / "run", stop_after=3)
+    before = tuple(run.units)
     del observables["r_std"]
-    with pytest.raises(InvalidInput, match="r_std is no observable of this program"):
+    observables["r_max"] = lambda cell: np.linalg.norm(cell.r, axis=1).max()
+    resumed, step = resumed_run(run.folder, run.given)
+    for step in evolve(step, CONFIG.time):
+        resumed.take(step)
+    resumed.save(step)
+    resumed.write_manifest("finished")
+    columns, rows = read_table(run.folder / "timeseries.csv")
+    assert tuple(columns) == (*before, "r_max")
+    assert [row["step"] for row in rows] == list(range(step.number + 1))
+    assert ["r_std" in row for row in rows] == [True] * 4 + [False] * (step.number - 3)
+    assert ["r_max" in row for row in rows] == [False] * 4 + [True] * (step.number - 3)
+    units = json.loads((run.folder / "manifest.json").read_text())["units"]
+    assert (units["r_std"], units["r_max"]) == ("L", None)
+    # read by their names: the file is what goes on, whatever the order of its columns
+    again, _ = resumed_run(run.folder, run.given)
+    assert again.rows == rows
+    text = (run.folder / "timeseries.csv").read_text()
+    (run.folder / "timeseries.csv").write_text(text.replace("step,t,", "t,step,", 1))
+    with pytest.raises(InvalidInput, match="as a run writes it"):
         resumed_run(run.folder, run.given)
-    observables["r_max"] = observables["r_std"] = r_std
-    with pytest.raises(InvalidInput, match="lacks the observables r_max"):
-        resumed_run(run.folder, run.given)
+    swapped = [line.split(",", 2) for line in text.splitlines()]
+    lines = [",".join([b, a, rest]) for a, b, rest in swapped]
+    (run.folder / "timeseries.csv").write_text("\n".join(lines) + "\n")
+    assert resumed_run(run.folder, run.given)[0].rows == rows
 
 
 @pytest.mark.parametrize(
     ("observable", "says"),
     [
-        (lambda model, state, flow: 1 / 0, "'mine' must give a finite number, it raised ZeroDivi"),
-        (lambda model, state: 0.0, "'mine' must give a finite number, it raised TypeError"),
-        (lambda model, state, flow: np.nan, "'mine' must give a finite number, got nan"),
-        (lambda model, state, flow: state.r, "'mine' must give a finite number, got"),
-        (lambda model, state, flow: None, "'mine' must give a finite number"),
-        (lambda model, state, flow: "much", "'mine' must give a finite number, it raised Value"),
+        (lambda cell: 1 / 0, "'mine' must give a finite number, it raised ZeroDivi"),
+        (lambda: 0.0, "'mine' must give a finite number, it raised TypeError"),
+        (lambda cell: np.nan, "'mine' must give a finite number, got nan"),
+        (lambda cell: cell.r, "'mine' must give a finite number, got"),
+        (lambda cell: None, "'mine' must give a finite number"),
+        (lambda cell: "much", "'mine' must give a finite number, it raised Value"),
     ],
 )
 def test_an_observable_that_fails_is_named_and_the_run_has_failed(

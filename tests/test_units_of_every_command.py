@@ -1,18 +1,18 @@
 """The same cell in five systems of units gives the same numbers from every command and solver."""
 
 import json
-from argparse import Namespace
 
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.evolution import evolve, perturbed_sphere
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.cli.main import main
-from amoeboid.cli.phase_diagram import windows
+from amoeboid.cli.phase_diagram import LABELS
 from amoeboid.model.natural_units import in_units, natural_units
 from amoeboid.model.parameters import Parameters
+from amoeboid.studies.phase_diagram import windows
 from amoeboid.validation import InvalidInput
 from unit_systems import SYSTEMS, differences, settings
 
@@ -71,16 +71,13 @@ def test_a_command_gives_the_same_cell_in_any_units(command, capsys):
 def test_the_windows_of_a_phase_diagram_belong_to_the_cell():
     for name, units in SYSTEMS.items():
         there = measured(Parameters(), name)
-        asked = Namespace(vary="D", low=None, high=None, speed_from=None, speed_to=None)
-        D, v = windows(asked, there)
+        D, v = windows(there, "D", None, None)
         assert np.multiply(D, units.of("L^2/T")) == pytest.approx([0.03, 0.6], rel=1e-12)
         assert np.multiply(v, units.of("L/T")) == pytest.approx([3.0, 8.0], rel=1e-12)
-    given = Namespace(vary="c0", low=1.0, high=2.0, speed_from=None, speed_to=9.0)
-    assert windows(given, Parameters())[0] == [1.0, 2.0]
+    assert windows(Parameters(), "c0", 1.0, 2.0, None, 9.0)[0] == [1.0, 2.0]
     for p in (Parameters(), Parameters(beta=0.0)):
-        asked = Namespace(vary="c0" if p.beta else "D", low=None, high=2.0, speed_from=None)
         with pytest.raises(InvalidInput, match="--from and --to must be given"):
-            windows(asked, p)
+            windows(p, "c0" if p.beta else "D", None, 2.0, labels=LABELS)
 
 
 def test_growth_rates_of_the_cell_of_the_paper_do_not_depend_on_units():
@@ -90,7 +87,7 @@ def test_growth_rates_of_the_cell_of_the_paper_do_not_depend_on_units():
     second pair and 2e9 for the third (m = 1), whatever the units.
     """
     p = Parameters.physical()
-    polarized = {name: steady_states(measured(p, name), (1,))[-1] for name in SYSTEMS}
+    polarized = {name: steady_solutions(measured(p, name), (1,))[-1] for name in SYSTEMS}
     for m in range(4):
         expected = growth_rates(polarized[OWN], m)[:2]
         assert expected[0].real < 0

@@ -8,12 +8,13 @@ import pyvista as pv
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
 from amoeboid.config import Config, Initial, Mesh, Time
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.plotting import branches, cell, cell_process
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.studies.branch import branch
+from amoeboid.studies.states import steady_states
 
 UNIT = re.compile(r"\[[^]]+\]")
 
@@ -49,9 +50,9 @@ def axes_without_unit(figure):
 
 def test_every_axis_and_color_bar_of_a_figure_has_its_unit(figures, tmp_path):
     p = Parameters(D=0.4, v_p0=6.0)
-    states = [(state, True) for state in steady_states(p, (1,))]
-    branches.draw_states(states, tmp_path / "states.png")
-    branches.draw_branch(branch_from_sphere(p, "v_p0", Window(5.5, 6.5)), tmp_path / "branch.png")
+    states = steady_states(p, (1,))
+    branches.write_states(states, tmp_path / "states.png")
+    branches.write_branch(branch(p, "v_p0", 5.5, 6.5), tmp_path / "branch.png")
     t = np.linspace(0.0, 9.0, 50)
     assert save_trajectory_picture(tmp_path / "way.png", t, np.column_stack([t, t**2, 0 * t]), 1.0)
     assert [axes_without_unit(figure) for figure in figures] == [[], [], []]
@@ -63,11 +64,11 @@ def test_every_axis_and_color_bar_of_a_figure_has_its_unit(figures, tmp_path):
 
 
 def test_the_label_of_a_parameter_has_its_dimension():
-    for name, unit in branches.UNITS.items():
-        label = branches._label(name)
+    for name, unit in DIMENSIONS.items():
+        label = branches._label(Parameters(), name, unit)
         assert re.sub(r"\$\^\{(\d+)\}\$", r"^\1", label).endswith(f"[{unit}]")
         assert not label.startswith(name)
-    assert branches.UNITS.keys() >= {"v_p0", "D", "delta_P", "R0", "alpha"}
+    assert DIMENSIONS.keys() >= {"v_p0", "D", "delta_P", "R0", "alpha"}
 
 
 @pytest.mark.parametrize("scale", [pytest.param(1.0, marks=pytest.mark.slow), 1e-5])

@@ -99,7 +99,7 @@ def measure(args: argparse.Namespace) -> int:
     from benchmarks.speed.sizes import growth_exponents, step_times
     from benchmarks.speed.steady_state import time_to_steady_state
 
-    from amoeboid.simulation.loop import Diverged
+    from amoeboid.simulation.step_length import Diverged
 
     try:
         sizes = []

@@ -34,7 +34,7 @@ def step_times(config: Config, subdivisions: int, steps: int) -> dict[str, Any]:
             watch.read()
             with watch.phase("control"):
                 step = next(run)
-            observables.observed(step.model, step.state, step.flow)
+            observables.observed(step.cell)
             seconds = watch.read()
             if number == WARM_UP - 1:
                 rejected = step.rejected

@@ -8,7 +8,8 @@ from statistics import mean
 from typing import Any
 
 from amoeboid.config import EXPLICIT_STEP, Config
-from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.stepping import StepFailed
 

@@ -9,8 +9,6 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from amoeboid.axisymmetric.branches import branch_from_sphere, steady_states
-    from amoeboid.axisymmetric.stability import unstable_modes
     from amoeboid.closed_forms.branch import prediction
     from amoeboid.closed_forms.linear import growth_rate, thresholds
     from amoeboid.closed_forms.points import points
@@ -24,60 +22,98 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
-    from amoeboid.observables import OBSERVABLES, observed
-    from amoeboid.simulation.loop import Diverged, Step, evolve, start
+    from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
+    from amoeboid.runs.analysis import Kymograph, Spectrum
+    from amoeboid.runs.meshes import Icosphere, Surface
+    from amoeboid.runs.snapshot import Snapshot
+    from amoeboid.runs.solution import Solution, simulate
+    from amoeboid.runs.stored import StoredRun, load
+    from amoeboid.simulation.events import steady, time, when
+    from amoeboid.simulation.loop import evolve, start
+    from amoeboid.simulation.step import Step
+    from amoeboid.simulation.step_length import Diverged
+    from amoeboid.studies.branch import Branch, SpecialPoint, branch
+    from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
+    from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
+    from amoeboid.studies.theory import Theory, theory
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
+    "Branch": "studies.branch",
+    "Cell": "observables",
     "Change": "model.changes",
     "Config": "config",
     "Cue": "model.cues",
     "Custom": "model.polymerization",
-    "Diverged": "simulation.loop",
+    "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
     "Flow": "surface.state",
+    "Icosphere": "runs.meshes",
     "Initial": "config",
+    "InitialCell": "meshes.cells",
     "InvalidInput": "validation",
     "Inverse": "model.polymerization",
+    "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
     "Mesh": "config",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
+    "Observable": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
+    "PhaseDiagram": "studies.phase_diagram",
+    "Snapshot": "runs.snapshot",
+    "Solution": "runs.solution",
+    "SpecialPoint": "studies.branch",
+    "Spectrum": "runs.analysis",
     "State": "surface.state",
-    "Step": "simulation.loop",
+    "SteadyState": "studies.states",
+    "SteadyStates": "studies.states",
+    "Step": "simulation.step",
+    "StoredRun": "runs.stored",
     "Stress": "model.stress",
+    "Surface": "runs.meshes",
+    "Theory": "studies.theory",
     "Time": "config",
-    "branch_from_sphere": "axisymmetric.branches",
+    "branch": "studies.branch",
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "growth_rate": "closed_forms.linear",
+    "load": "runs.stored",
+    "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
+    "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
     "polarization_by_cue": "closed_forms.response",
     "prediction": "closed_forms.branch",
     "ramp": "model.changes",
+    "simulate": "runs.solution",
     "smooth": "model.changes",
     "start": "simulation.loop",
-    "steady_states": "axisymmetric.branches",
+    "steady": "simulation.events",
+    "steady_states": "studies.states",
     "steps": "model.changes",
+    "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
-    "unstable_modes": "axisymmetric.stability",
+    "time": "simulation.events",
+    "when": "simulation.events",
 }
 
 __all__ = [
     "OBSERVABLES",
+    "Branch",
+    "Cell",
     "Change",
     "Config",
     "Cue",
@@ -85,36 +121,57 @@ __all__ = [
     "Diverged",
     "Exponential",
     "Flow",
+    "Icosphere",
     "Initial",
+    "InitialCell",
     "InvalidInput",
     "Inverse",
+    "Kymograph",
     "Law",
     "Mesh",
     "Model",
+    "Observable",
     "Output",
     "Parameters",
+    "PhaseDiagram",
+    "Snapshot",
+    "Solution",
+    "SpecialPoint",
+    "Spectrum",
     "State",
+    "SteadyState",
+    "SteadyStates",
     "Step",
+    "StoredRun",
     "Stress",
+    "Surface",
+    "Theory",
     "Time",
-    "branch_from_sphere",
+    "branch",
     "config_from_toml",
     "config_to_toml",
     "evolve",
     "growth_rate",
+    "load",
+    "observable",
     "observed",
     "parameters_from_toml",
     "parameters_to_toml",
+    "phase_diagram",
     "points",
     "polarization_by_cue",
     "prediction",
     "ramp",
+    "simulate",
     "smooth",
     "start",
+    "steady",
     "steady_states",
     "steps",
+    "theory",
     "thresholds",
-    "unstable_modes",
+    "time",
+    "when",
 ]
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import tomli_w
 
+from amoeboid.conditions import condition
 from amoeboid.model.changes import CHANGEABLE, Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
@@ -31,7 +32,9 @@ from amoeboid.validation import (
     harmonics,
     integer,
     number,
+    numbers,
     refuse_unknown,
+    texts,
     toml_document,
     validate,
     vector,
@@ -121,6 +124,9 @@ class Time:
     stop_when_steady: bool = flag(
         True, "end the run once it is steady: nothing changes, and no perturbation grows"
     )
+    until: tuple[str, ...] = texts(
+        "conditions that end the run too, such as 'polarity > 0.5'", condition
+    )
 
     def __post_init__(self) -> None:
         validate(self, "time")
@@ -134,6 +140,9 @@ class Output:
         "simulated time between two frames, 0.5/rate; frames are at its multiples and at the end",
         "T",
         gt=0,
+    )
+    times: tuple[float, ...] = numbers(
+        "times of the frames, in their order, instead of the interval", "T"
     )
 
     def __post_init__(self) -> None:
@@ -213,7 +222,7 @@ def resolved(config: Config) -> Config:
         max_step=longest * unit if time.max_step is None else time.max_step,
     )
     interval = 0.5 * unit if output.interval is None else output.interval
-    config = replace(config, initial=initial, time=time, output=Output(interval=interval))
+    config = replace(config, initial=initial, time=time, output=replace(output, interval=interval))
     _check_times(config)
     return config
 

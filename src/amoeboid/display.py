@@ -13,6 +13,9 @@ from typing import Any
 DIGITS = 6
 """Significant digits of a number."""
 
+GAP = "  "
+"""Between two columns of a table of text."""
+
 
 def shown(value: Any) -> str:
     """A value as results show it: six significant digits, with its unit if it has one."""
@@ -41,6 +44,22 @@ def html_table(
         f"<div><strong>{escape(heading)}</strong>"
         f"<table>{titled}<tbody>{body}</tbody></table>{below}</div>"
     )
+
+
+def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]], align: str = "") -> list[str]:
+    """The lines of a table with its titles, if there are any.
+
+    `align` has a `<` for each column that is set to the left; further ones are set to the right.
+    """
+    sides = align.ljust(len(titles), ">")
+    widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
+
+    def line(cells: Sequence[str]) -> str:
+        padded = (f"{c:{side}{w}}" for c, side, w in zip(cells, sides, widths, strict=True))
+        return GAP.join(padded).rstrip()
+
+    head = [line(titles), GAP.join("-" * size for size in widths)] if any(titles) else []
+    return [*head, *map(line, rows)]
 
 
 def plotted(result: Any, drawing: str, ax: Any = None, **options: Any) -> Any:

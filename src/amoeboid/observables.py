@@ -1,233 +1,365 @@
-"""What a 3D cell is measured by; docs/notation.md lists the definitions, the same for every solver.
+"""What a cell is measured by: each observable once, for every solver; docs/notation.md lists them.
 
-`axisymmetric.observables` has those of the axisymmetric solver. To add an observable of 3D runs,
-write a function of (model, state, flow) and list it: a number that does not depend on the
-orientation of the cell in `OBSERVABLES`, a vector in `VECTORS`, its dimension in `UNITS`. It
-appears in the time series, a vector in three columns name_x, name_y, name_z.
+An observable is a function of a `Cell`, which a 3D state and an axisymmetric one both offer. It
+must depend neither on the orientation of the cell nor on the frame that its velocities are given
+in. One of your own, here the area mean of the concentration squared, takes three lines,
+
+    @observable("N^2/L^4")
+    def mean_c_squared(cell):
+        return cell.integral(cell.c**2) / cell.area
+
+and is from then on a column of the time series of 3D runs and an attribute of every cell:
+`solution["mean_c_squared"]`, `solution.final.mean_c_squared`, `steady_state.mean_c_squared`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from collections import UserDict
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
 
 import numpy as np
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, Index
 from amoeboid.meshes import geometry
-from amoeboid.meshes.extrema import SEARCHED, fitted_maxima, largest, refined_extremum
-from amoeboid.meshes.geometry import area, node_areas, smooth_area, volume, volume_centroid
-from amoeboid.surface.model import Model
-from amoeboid.surface.state import Flow, State
+from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 # Slower than this, in units of rate R0, a cell has no heading.
 MIN_SPEED_WITH_HEADING = 1e-6
 
 
-def retrograde_flow(model: Model, state: State, flow: Flow) -> Array:
-    """Tangential full velocity (V, 3) in the frame in which the cell rests [L/T].
+class Cell(Protocol):
+    """A cell as observables see it: fields at points of its surface, and integrals over it.
+
+    Arrays have one entry a point: (P,) for a number, (P, 3) for a vector. An axisymmetric cell
+    gives the points of one meridian, with the axis along z; there a field of numbers that is
+    integrated must be the same all around, as products of c and scalar products of vectors are.
+    """
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of the cell."""
+
+    @property
+    def c(self) -> Array:
+        """Filament concentration (P,) [N/L^2]."""
+
+    @property
+    def x(self) -> Array:
+        """Position (P, 3) relative to the center of the enclosed volume [L]."""
+
+    @property
+    def normals(self) -> Array:
+        """Outward unit normals (P, 3)."""
+
+    @property
+    def v(self) -> Array:
+        """Full velocity v = v_c + v_p (P, 3) [L/T], in the frame of the solver."""
+
+    @property
+    def v_c(self) -> Array:
+        """Velocity of the cortex (P, 3) [L/T]."""
+
+    @property
+    def v_p(self) -> Array:
+        """Polymerization velocity (P, 3), along the normal [L/T]."""
+
+    @property
+    def zeta0(self) -> float:
+        """Membrane tension [M/T^2]."""
+
+    @property
+    def area(self) -> float:
+        """Area of the surface that the tension keeps constant [L^2]."""
+
+    @property
+    def radius(self) -> float:
+        """Radius of the sphere of the area of the smooth surface through the points [L]."""
+
+    @property
+    def volume(self) -> float:
+        """Enclosed volume [L^3]."""
+
+    def integral(self, field: Array) -> Any:
+        """Integral over the surface of a field: a number of (P,), a vector (3,) of (P, 3)."""
+
+    def maximum(self, field: Array) -> float:
+        """Maximum of a field (P,) over the surface, between the points too."""
+
+    def minimum(self, field: Array) -> float:
+        """Minimum of a field (P,) over the surface, between the points too."""
+
+    def max_length(self, field: Array) -> float:
+        """Maximum over the surface of the length of a vector field (P, 3).
+
+        Where the vectors vanish their length is not smooth: it is found from the squares.
+        """
+
+
+@dataclass(frozen=True)
+class Observable:
+    """A function of a cell, its dimension such as "L/T" ("1": none, None: not stated).
+
+    `vector`: it gives three numbers instead of one, the columns name_x, name_y and name_z;
+    `on_meshes`: it needs the `faces` of a triangulated surface and exists for 3D cells alone.
+    """
+
+    function: Callable[[Any], Any]
+    dimension: str | None = None
+    vector: bool = False
+    on_meshes: bool = False
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise InvalidInput(
+                f"an observable must be a function of a cell, got {self.function!r}; "
+                "register one with @amoeboid.observable(dimension)"
+            )
+
+    def columns(self, name: str) -> list[str]:
+        """Names of its columns in a table."""
+        return [f"{name}_{axis}" for axis in "xyz"] if self.vector else [name]
+
+    def values(self, name: str, cell: Cell) -> list[float]:
+        """Its numbers for a cell.
+
+        Raises InvalidInput, naming it, if it fails or gives anything else than finite numbers.
+        """
+        count = 3 if self.vector else 1
+        wanted = "3 finite numbers" if self.vector else "a finite number"
+        try:
+            found = np.asarray(self.function(cell), dtype=float)
+        except Exception as error:  # a user's function may raise anything
+            raise InvalidInput(
+                f"the observable {name!r} must give {wanted}, it raised "
+                f"{type(error).__name__}: {error}"
+            ) from error
+        if found.size != count or not np.isfinite(found).all():
+            raise InvalidInput(f"the observable {name!r} must give {wanted}, got {found}")
+        return [float(value) for value in found.ravel()]
+
+    def value(self, name: str, cell: Cell) -> Any:
+        """A number, or a vector (3,)."""
+        found = self.values(name, cell)
+        return np.array(found) if self.vector else found[0]
+
+
+class Observables(UserDict[str, Observable]):
+    """The observables by name; a function that is put in is made an `Observable`."""
+
+    def __setitem__(self, name: str, value: Observable | Callable[[Any], Any]) -> None:
+        if not isinstance(name, str) or not name.isidentifier() or name.startswith("_"):
+            raise InvalidInput(
+                f"an observable must have a name of letters, digits and _, got {name!r}; rename it"
+            )
+        super().__setitem__(name, value if isinstance(value, Observable) else Observable(value))
+
+
+OBSERVABLES = Observables()
+"""All observables by name, those of the package first; `observable` adds to it."""
+
+
+def observable(
+    dimension: str | None = None, *, vector: bool = False, on_meshes: bool = False
+) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
+    """Register a function of a cell under its own name; for the rest see `Observable`."""
+    if callable(dimension):
+        raise InvalidInput(
+            f"@observable takes the dimension, such as @observable('L/T') or @observable(), got "
+            f"{dimension!r}; add the brackets"
+        )
+
+    def register(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+        OBSERVABLES[getattr(function, "__name__", "")] = Observable(
+            function, dimension, vector, on_meshes
+        )
+        return function
+
+    return register
+
+
+class Measured:
+    """Gives a dataclass that has a `cell` every observable as an attribute.
+
+    What it has cached stays out of its pickle.
+    """
+
+    cell: Any
+
+    def __getattr__(self, name: str) -> Any:
+        known = None if name.startswith("_") else OBSERVABLES.get(name)
+        if known is None:
+            raise AttributeError(f"{type(self).__name__} has no attribute or observable {name!r}")
+        cell = self.cell
+        if known.on_meshes and not hasattr(cell, "faces"):
+            raise AttributeError(f"{name!r} is an observable of triangulated surfaces alone")
+        return known.value(name, cell)
+
+    def __getstate__(self) -> dict[str, Any]:
+        names = [f.name for f in fields(self)]  # type: ignore[arg-type]  # of a dataclass
+        return {name: self.__dict__[name] for name in names}
+
+
+class CellOnMesh(Cell, Protocol):
+    """A 3D cell, whose points are the nodes of a triangulated surface."""
+
+    @property
+    def r(self) -> Array:
+        """Nodes (P, 3) [L]."""
+
+    @property
+    def faces(self) -> Index:
+        """Node numbers of the triangles (F, 3)."""
+
+
+def selected(names: Iterable[str] | None = None) -> Mapping[str, Observable]:
+    """The observables of these names, in the order of `OBSERVABLES`; all of them for None.
+
+    Raises InvalidInput for an unknown name.
+    """
+    if names is None:
+        return OBSERVABLES
+    wanted = [names] if isinstance(names, str) else list(names)
+    for name in wanted:
+        if name not in OBSERVABLES:
+            raise InvalidInput(
+                f"{name!r} is no observable; allowed: {', '.join(OBSERVABLES)}; register your own "
+                "with @amoeboid.observable(dimension)"
+            )
+    return {name: known for name, known in OBSERVABLES.items() if name in wanted}
+
+
+def observed(cell: Cell, names: Iterable[str] | None = None) -> dict[str, float]:
+    """Observables of one cell by their columns, vectors as three of them; all for None.
+
+    Those that need a mesh are left out for a cell without one. Raises InvalidInput, naming it, for
+    an observable that fails or is no finite number.
+    """
+    found: dict[str, float] = {}
+    for name, known in selected(names).items():
+        if not known.on_meshes or hasattr(cell, "faces"):
+            found |= dict(zip(known.columns(name), known.values(name, cell), strict=True))
+    return found
+
+
+def units(names: Iterable[str] | None = None) -> dict[str, str | None]:
+    """Dimension of every column of the observables, None where none is stated."""
+    return {
+        column: known.dimension
+        for name, known in selected(names).items()
+        for column in known.columns(name)
+    }
+
+
+def center_velocity(cell: Cell) -> Array:
+    """Velocity (3,) of the center of the enclosed volume in the frame of the velocities [L/T]."""
+    v_n = np.einsum("pi,pi->p", cell.v, cell.normals)
+    return np.asarray(cell.integral(v_n[:, None] * cell.x) / cell.volume)
+
+
+def retrograde_flow(cell: Cell) -> Array:
+    """Tangential full velocity (P, 3) in the frame in which the cell rests [L/T].
 
     That frame follows the center of the enclosed volume.
     """
-    relative = flow.v - center_velocity(model, state, flow)
-    return relative - geometry.normal_part(relative, flow.normals)
+    relative = cell.v - center_velocity(cell)
+    return relative - geometry.normal_part(relative, cell.normals)
 
 
-def center_velocity(model: Model, state: State, flow: Flow) -> Array:
-    """Velocity (3,) of the center of the enclosed volume in the frame of the nodes [L/T]."""
-    x = state.r - volume_centroid(state.r, model.mesh.faces)
-    v_n = np.einsum("vi,vi->v", flow.v, flow.normals)
-    return np.asarray((flow.node_areas * v_n) @ x / volume(state.r, model.mesh.faces))
-
-
-def cortex_drag_velocity(model: Model, state: State, flow: Flow) -> Array:
+def cortex_drag_velocity(cell: Cell) -> Array:
     """Velocity (3,) of the center of volume if all drag is on the cortex, uniformly [L/T].
 
     Surroundings that hold the cortex back with a force -k v_c per area, and nothing else, let the
     cell go where the area mean of v_c vanishes. The paper leaves open how a cell pushes itself off;
     other surroundings give other velocities.
     """
-    mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
-    return np.asarray(center_velocity(model, state, flow) - mean_v_c)
+    return np.asarray(center_velocity(cell) - cell.integral(cell.v_c) / cell.area)
 
 
-def cortex_drag_speed(model: Model, state: State, flow: Flow) -> float:
-    """Magnitude of `cortex_drag_velocity` [L/T]."""
-    return float(np.linalg.norm(cortex_drag_velocity(model, state, flow)))
-
-
-def cortex_drag_heading(model: Model, state: State, flow: Flow) -> Array:
-    """Unit vector (3,) along `cortex_drag_velocity`; zero for a cell that rests."""
-    velocity = cortex_drag_velocity(model, state, flow)
-    speed = np.linalg.norm(velocity)
-    moves = speed > MIN_SPEED_WITH_HEADING * model.rate * model.parameters.R0
-    return np.asarray(velocity / speed if moves else np.zeros(3))
-
-
-def max_retrograde_speed(model: Model, state: State, flow: Flow) -> float:
-    """Maximum over the surface of the retrograde speed, the paper's v_0 [L/T].
-
-    The squared speed is fitted by a polynomial of fourth degree around each of the fastest nodes,
-    and its maximum counts: it lies between the nodes, and single nodes do not decide.
-    """
-    v = retrograde_flow(model, state, flow)
-    squares = np.einsum("vi,vi->v", v, v)
-    fastest = largest(squares, SEARCHED)
-    mesh, r = model.mesh, state.r
-    maxima = fitted_maxima(fastest, mesh.row_start, mesh.columns, r, flow.normals, squares)
-    return float(np.sqrt(max(0.0, maxima.max())))
-
-
-def c_front(model: Model, state: State, flow: Flow) -> float:
-    """Concentration at the front, its minimum over the surface [N/L^2]."""
-    lowest = int(np.argmin(state.c))
-    refined = refined_extremum(model.mesh, state.r, flow.normals, state.c, lowest, -1.0)
-    return refined if refined >= 0.0 else float(state.c[lowest])
-
-
-def c_rear(model: Model, state: State, flow: Flow) -> float:
-    """Concentration at the rear, its maximum over the surface [N/L^2]."""
-    highest = int(np.argmax(state.c))
-    return refined_extremum(model.mesh, state.r, flow.normals, state.c, highest, 1.0)
-
-
-def zeta0(model: Model, state: State, flow: Flow) -> float:
-    """Membrane tension [M/T^2]."""
-    return state.zeta0
-
-
-def area_error(model: Model, state: State, flow: Flow) -> float:
-    """|A/A0 - 1|."""
-    return abs(area(state.r, model.mesh.faces) / model.A0 - 1.0)
-
-
-def filament_number(model: Model, state: State, flow: Flow) -> float:
-    """Total number of filaments, the integral of c over the surface [N]."""
-    return float(node_areas(state.r, model.mesh.faces) @ state.c)
-
-
-def polarity(model: Model, state: State, flow: Flow) -> float:
-    """|integral of c r dA| / (R0 integral of c dA), about the volume center; 0 if homogeneous."""
-    return float(np.linalg.norm(polarization(model, state)))
-
-
-def polarization(model: Model, state: State) -> Array:
+def polarization(cell: Cell) -> Array:
     """The vector of `polarity` (3,): from the front to the rear."""
-    weights = node_areas(state.r, model.mesh.faces) * state.c
-    x = state.r - volume_centroid(state.r, model.mesh.faces)
-    return np.asarray(weights @ x / (weights.sum() * model.parameters.R0))
+    filaments = cell.integral(cell.c) * cell.parameters.R0
+    return np.asarray(cell.integral(cell.c[:, None] * cell.x) / filaments)
 
 
-def deformation(model: Model, state: State, flow: Flow) -> float:
+@observable("L/T")
+def max_retrograde_speed(cell: Cell) -> float:
+    """Maximum over the surface of the retrograde speed, the paper's v_0 [L/T]."""
+    return cell.max_length(retrograde_flow(cell))
+
+
+@observable("N/L^2")
+def c_front(cell: Cell) -> float:
+    """Concentration at the front, its minimum over the surface [N/L^2]."""
+    return cell.minimum(cell.c)
+
+
+@observable("N/L^2")
+def c_rear(cell: Cell) -> float:
+    """Concentration at the rear, its maximum over the surface [N/L^2]."""
+    return cell.maximum(cell.c)
+
+
+@observable("M/T^2")
+def zeta0(cell: Cell) -> float:
+    """Membrane tension [M/T^2]."""
+    return cell.zeta0
+
+
+@observable("1")
+def area_error(cell: Cell) -> float:
+    """|A/A0 - 1|."""
+    return abs(cell.area / (4.0 * np.pi * cell.parameters.R0**2) - 1.0)
+
+
+@observable("1")
+def polarity(cell: Cell) -> float:
+    """|integral of c r dA| / (R0 integral of c dA), about the volume center; 0 if homogeneous."""
+    return float(np.linalg.norm(polarization(cell)))
+
+
+@observable("1")
+def deformation(cell: Cell) -> float:
     """Largest deviation of the distance from the center of volume from R0, over R0 [1].
 
     R0 is the radius of the sphere that has the area of the surface. A polyhedron of that area has
     its nodes outside, so that the area of the smooth surface through the nodes is taken.
     """
-    x = state.r - volume_centroid(state.r, model.mesh.faces)
-    R = np.sqrt(smooth_area(state.r, model.mesh.faces) / (4.0 * np.pi))
-    change = np.linalg.norm(x, axis=1) / R - 1.0
-    farthest, nearest = int(np.argmax(change)), int(np.argmin(change))
-    normals = geometry.geometry(state.r, model.mesh.faces).normals
-    return max(
-        abs(refined_extremum(model.mesh, state.r, normals, change, i, sign))
-        for i, sign in ((farthest, 1.0), (nearest, -1.0))
-    )
+    change = np.linalg.norm(cell.x, axis=1) / cell.radius - 1.0
+    return max(abs(cell.maximum(change)), abs(cell.minimum(change)))
 
 
-def reduced_volume(model: Model, state: State, flow: Flow) -> float:
-    """Volume over that of the sphere of equal area: 1 for a sphere, up to the mesh error."""
-    sphere = model.A0**1.5 / (6.0 * np.sqrt(np.pi))
-    return float(volume(state.r, model.mesh.faces) / sphere)
+@observable("1")
+def reduced_volume(cell: Cell) -> float:
+    """Volume over that of the sphere of radius R0: 1 for a sphere, up to the mesh error."""
+    return cell.volume / (4.0 * np.pi / 3.0 * cell.parameters.R0**3)
 
 
-def mesh_quality(model: Model, state: State, flow: Flow) -> float:
+@observable("N")
+def filament_number(cell: Cell) -> float:
+    """Total number of filaments, the integral of c over the surface [N]."""
+    return float(cell.integral(cell.c))
+
+
+@observable("1", on_meshes=True)
+def mesh_quality(cell: CellOnMesh) -> float:
     """Quality of the worst triangle: 1 is equilateral, 0 is degenerate."""
-    return geometry.mesh_quality(state.r, model.mesh.faces)
+    return geometry.mesh_quality(cell.r, cell.faces)
 
 
-Observable = Callable[[Model, State, Flow], float]
-
-OBSERVABLES: dict[str, Observable] = {
-    f.__name__: f
-    for f in (
-        max_retrograde_speed,
-        c_front,
-        c_rear,
-        zeta0,
-        area_error,
-        polarity,
-        deformation,
-        reduced_volume,
-        filament_number,
-        mesh_quality,
-        cortex_drag_speed,
-    )
-}
-
-VECTORS: dict[str, Callable[[Model, State, Flow], Array]] = {
-    f.__name__: f for f in (cortex_drag_heading,)
-}
-
-# Dimensions in L, T, M and N as in Parameters; "1" is none. A name that is missing has none stated.
-UNITS: dict[str, str] = {
-    "max_retrograde_speed": "L/T",
-    "c_front": "N/L^2",
-    "c_rear": "N/L^2",
-    "zeta0": "M/T^2",
-    "area_error": "1",
-    "polarity": "1",
-    "deformation": "1",
-    "reduced_volume": "1",
-    "filament_number": "N",
-    "mesh_quality": "1",
-    "cortex_drag_speed": "L/T",
-    "cortex_drag_heading": "1",
-}
+@observable("L/T")
+def cortex_drag_speed(cell: Cell) -> float:
+    """Magnitude of `cortex_drag_velocity` [L/T]."""
+    return float(np.linalg.norm(cortex_drag_velocity(cell)))
 
 
-def units() -> dict[str, str | None]:
-    """Dimension of every observable as its columns are named, None where `UNITS` has none."""
-    scalars = {name: UNITS.get(name) for name in OBSERVABLES}
-    return scalars | {f"{name}_{axis}": UNITS.get(name) for name in VECTORS for axis in "xyz"}
-
-
-def observed(model: Model, state: State, flow: Flow) -> dict[str, float]:
-    """All observables of one state, by name.
-
-    Raises InvalidInput, naming it, for an observable that fails or is no finite number.
-    """
-    return {name: _numbers(name, f, 1, model, state, flow)[0] for name, f in OBSERVABLES.items()}
-
-
-def components(model: Model, state: State, flow: Flow) -> dict[str, float]:
-    """Components of all vector observables of one state: name_x, name_y, name_z.
-
-    Raises InvalidInput as `observed`.
-    """
-    return {
-        f"{name}_{axis}": value
-        for name, f in VECTORS.items()
-        for axis, value in zip("xyz", _numbers(name, f, 3, model, state, flow), strict=True)
-    }
-
-
-def _numbers(
-    name: str, f: Callable[..., Any], count: int, model: Model, state: State, flow: Flow
-) -> list[float]:
-    """The `count` numbers that an observable, perhaps a user's, gives."""
-    try:
-        found = np.asarray(f(model, state, flow), dtype=float)
-    except Exception as error:  # a user's function may raise anything
-        raise InvalidInput(
-            f"the observable {name!r} must give {_wanted(count)}, it raised "
-            f"{type(error).__name__}: {error}"
-        ) from error
-    if found.size != count or not np.isfinite(found).all():
-        raise InvalidInput(f"the observable {name!r} must give {_wanted(count)}, got {found}")
-    return [float(x) for x in found.ravel()]
-
-
-def _wanted(count: int) -> str:
-    return "a finite number" if count == 1 else f"{count} finite numbers"
+@observable("1", vector=True, on_meshes=True)
+def cortex_drag_heading(cell: Cell) -> Array:
+    """Unit vector (3,) along `cortex_drag_velocity`; zero for a cell that rests."""
+    velocity = cortex_drag_velocity(cell)
+    speed = np.linalg.norm(velocity)
+    p = cell.parameters
+    moves = speed > MIN_SPEED_WITH_HEADING * p.rate * p.R0
+    return np.asarray(velocity / speed if moves else np.zeros(3))

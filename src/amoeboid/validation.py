@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import Field, field, fields
 from difflib import get_close_matches
+from itertools import pairwise
 from numbers import Integral, Real
 from typing import Any
 
@@ -40,6 +41,16 @@ def file(doc: str) -> Any:
 def harmonics(doc: str) -> Any:
     """A field of spherical harmonics: any number of (degree l, order m, amplitude)."""
     return field(default=(), metadata={"kind": list, "doc": doc})
+
+
+def texts(doc: str, checked: Callable[[str], str]) -> Any:
+    """A field of texts; `checked` gives each as it is kept, or raises InvalidInput."""
+    return field(default=(), metadata={"kind": list, "doc": doc, "texts": checked})
+
+
+def numbers(doc: str, unit: str = "1") -> Any:
+    """A field of any number of finite numbers >= 0, each larger than the one before."""
+    return field(default=(), metadata={"kind": list, "doc": doc, "unit": unit, "rising": True})
 
 
 def automatic(doc: str, unit: str = "1", *, gt: float | None = None) -> Any:
@@ -132,6 +143,10 @@ def rule(f: Field[Any]) -> str:
         return "true or false"
     if kind is tuple:
         return "three finite numbers, not all zero"
+    if "texts" in f.metadata:
+        return "a list of texts"
+    if "rising" in f.metadata:
+        return "a list of finite numbers >= 0, each larger than the one before"
     if kind is list:
         return "a list of [l, m, amplitude]: whole numbers |m| <= l, a finite number"
     if "file" in f.metadata:
@@ -160,6 +175,10 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
         return value
     if kind is tuple:
         return _checked_vector(value, problem)
+    if "texts" in f.metadata:
+        return _checked_texts(value, problem, f.metadata["texts"])
+    if "rising" in f.metadata:
+        return _checked_rising(value, problem)
     if kind is list:
         return _checked_harmonics(value, problem)
     if "file" in f.metadata:
@@ -204,6 +223,28 @@ def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, fl
     if not math.isfinite(x * x + y * y + z * z) or math.hypot(x, y, z) < 1e-150:
         raise problem
     return x, y, z
+
+
+def _checked_texts(
+    value: Any, problem: InvalidInput, checked: Callable[[str], str]
+) -> tuple[str, ...]:
+    if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
+        raise problem
+    return tuple(checked(text) for text in value)
+
+
+def _checked_rising(value: Any, problem: InvalidInput) -> tuple[float, ...]:
+    try:
+        found = list(value)
+        if any(isinstance(x, bool) or not isinstance(x, Real) for x in found):
+            raise problem
+        found = [float(x) for x in found]
+    except (TypeError, OverflowError):
+        raise problem from None
+    rising = all(a < b for a, b in pairwise(found))
+    if not all(map(math.isfinite, found)) or not rising or min(found, default=0.0) < 0:
+        raise problem
+    return tuple(found)
 
 
 def _checked_harmonics(value: Any, problem: InvalidInput) -> tuple[tuple[int, int, float], ...]:

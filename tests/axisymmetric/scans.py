@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
-from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.steady import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count, resampled
 from amoeboid.model.parameters import Parameters
@@ -47,7 +47,7 @@ class Reference:
         self.modes = 128 if p.delta_P < 10 else 64
         self.system = SteadySystem(p.replace(v_p0=self.threshold), self.modes, ("v_p0",))
         options = Options(parameter_scale=self.threshold, max_step=0.1)
-        start = departure(p, "v_p0", self.threshold, options, n=self.modes)
+        start = branch_tangent(p, "v_p0", self.threshold, options, n=self.modes)
         self.points = [start]
         for point in follow(start, options):
             if not point.fold:

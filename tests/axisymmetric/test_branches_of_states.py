@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import (
-    Window,
-    branch_from_sphere,
-    branch_from_state,
-    steady_states,
-)
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets
+from amoeboid.axisymmetric.branches import branch_from_sphere, branch_from_state
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets
+from amoeboid.axisymmetric.search import _without_speed, steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
-from amoeboid.axisymmetric.states import _without_speed
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
 from amoeboid.axisymmetric.unknowns import mode_count, split
+from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.amplitude import cubic_coefficient
 from amoeboid.closed_forms.linear import critical_speed, finite_pressure_matrix, growth_rate
 from amoeboid.closed_forms.points import infinite_pressure
@@ -59,7 +55,7 @@ def test_subcritical_branch_with_its_fold_and_hysteresis(subcritical):
     assert subcritical.origin == pytest.approx(float(critical_speed(Parameters(D=0.4))), rel=1e-11)
     assert subcritical.message == ""
     assert subcritical.points[-1].value == 8.0
-    assert subcritical.crossings == ()
+    assert subcritical.bifurcations == ()
     turned = False
     for a in subcritical.points:
         turned = turned or a.state.max_retrograde_speed > fold.state.max_retrograde_speed
@@ -143,7 +139,7 @@ def onset_slope(p):
     """d(v_p0)/d(a^2) where the branch leaves the sphere."""
     threshold = onset_speed(p)
     options = Options(parameter_scale=threshold)
-    start = departure(p, "v_p0", threshold, options)
+    start = branch_tangent(p, "v_p0", threshold, options)
     squares, slopes = [], []
     for distance in np.linspace(0.05, 0.15, 6):
         point = at_distance(start, distance, options)
@@ -193,15 +189,15 @@ def test_other_laws_elasticity_and_low_pressure(p, high, folds):
 def test_a_branch_in_another_parameter_and_its_heading():
     """At delta_P = 11 and rising speed the polarized cell loses its heading (m = 1)."""
     p = Parameters(D=0.4, v_p0=6.0, delta_P=11.0)
-    start = steady_states(p, degrees=(1,))[-1]
+    start = steady_solutions(p, degrees=(1,))[-1]
     branch = branch_from_state(start, "v_p0", Window(6.0, 7.0), 1.0, STEPS)
-    crossing = next(c for c in branch.crossings if c.m == 1)
+    crossing = next(c for c in branch.bifurcations if c.m == 1)
     assert branch.points[0].stable
     assert branch.points[-1].unstable[1] == 1
     assert abs(growth_rates(crossing.at.state, 1)[0]) < 1e-7
     softer = branch_from_state(start, "delta_P", Window(5.0, 11.0), -1.0)
     assert softer.points[-1].value == 5.0
-    direct = steady_states(p.replace(delta_P=5.0), degrees=(1,))[-1]
+    direct = steady_solutions(p.replace(delta_P=5.0), degrees=(1,))[-1]
     assert softer.points[-1].state.max_retrograde_speed == pytest.approx(
         direct.max_retrograde_speed, rel=1e-9
     )
@@ -209,7 +205,7 @@ def test_a_branch_in_another_parameter_and_its_heading():
 
 def test_a_branch_that_meets_the_sphere_ends_there():
     p = Parameters(D=0.1, v_p0=5.0)
-    start = steady_states(p, degrees=(1,))[-1]
+    start = steady_solutions(p, degrees=(1,))[-1]
     branch = branch_from_state(start, "D", Window(0.1, 0.6), 1.0)
     assert branch.message == ""
     assert len(branch.folds) == 1
@@ -234,10 +230,10 @@ def test_a_hopf_point_is_located_where_the_theory_has_it():
     block = finite_pressure_matrix(p.replace(v_p0=hopf), 2)
     assert np.linalg.det(block) > 0
     for m in (0, 1, 2):
-        found = {c.oscillating: c.at.value for c in branch.crossings if c.m == m}
+        found = {c.oscillating: c.at.value for c in branch.bifurcations if c.m == m}
         assert found[True] == pytest.approx(hopf, abs=1e-8)
         assert m == 2 or found[False] == pytest.approx(pitchfork, abs=1e-8)
-    assert not [c for c in branch.crossings if c.m == 3]
+    assert not [c for c in branch.bifurcations if c.m == 3]
 
 
 def test_an_unresolvable_branch_says_so(monkeypatch):
@@ -249,7 +245,7 @@ def test_an_unresolvable_branch_says_so(monkeypatch):
 
 
 def test_all_states_at_one_point():
-    found = steady_states(Parameters(D=0.4, v_p0=5.5), degrees=(1,))
+    found = steady_solutions(Parameters(D=0.4, v_p0=5.5), degrees=(1,))
     assert [f.max_retrograde_speed for f in found] == pytest.approx(
         [0.0, 0.4907229765, 1.4536824196], abs=1e-9
     )
@@ -274,7 +270,9 @@ def test_why_no_branch_in_v_p0_can_be_followed(p, text):
 
 
 def test_a_problem_of_both_signs_of_a_mode_is_told_once(monkeypatch):
-    monkeypatch.setattr("amoeboid.axisymmetric.states._crossed", lambda *_: ([], "it stalled"))
-    assert steady_states(Parameters()).problems == tuple(
+    monkeypatch.setattr(
+        "amoeboid.axisymmetric.search._states_of_mode", lambda *_: ([], "it stalled")
+    )
+    assert steady_solutions(Parameters()).problems == tuple(
         f"branch of l = {l}: it stalled" for l in (1, 2, 3)
     )

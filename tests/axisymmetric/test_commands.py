@@ -154,3 +154,58 @@ def test_mistakes_are_one_message_and_exit_code_2(capsys, words, text):
     assert out == ""
     assert text in err
     assert len(err.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize("command", ["steady", "theory"])
+def test_commands_say_which_parameters_count(capsys, command):
+    _, out, _ = run(capsys, command, "--set", "v_p0=3.6")
+    assert "D = 0.03" in out.splitlines()[0]
+    assert "v_p0 = 3.6" in out.splitlines()[0]
+
+
+SMOOTH = ("--physical", "--set", "D=1 um^2/s", "--set", "v_p0=2 um/s")
+
+
+def test_steady_states_of_a_physical_cell_have_units(capsys):
+    code, out, err = run(capsys, "steady", *SMOOTH, "--json")
+    document = json.loads(out)
+    assert (code, err) == (0, "")
+    assert document["units"] == {
+        "max_retrograde_speed": "um/s", "c_front": "1/um^2", "c_rear": "1/um^2", "zeta0": "mN/m",
+    }  # fmt: skip
+    assert document["states"][0]["c_rear"] == pytest.approx(1370)
+    assert document["states"][1]["max_retrograde_speed"] == pytest.approx(0.293923, abs=1e-6)
+    _, out, _ = run(capsys, "steady", *SMOOTH)
+    assert "D = 1 µm²/s, v_p0 = 2 µm/s" in out
+    assert "max_retrograde_speed [um/s]" in out
+
+
+def test_branches_of_a_physical_cell_take_quantities(capsys):
+    words = ("branch", *SMOOTH, "--to", "2.2 um/s", "--max-step", "0.4")
+    document = json.loads(run(capsys, *words, "--json")[1])
+    assert document["branch_points"][0]["v_p0"] == pytest.approx(
+        1.46060025 * (0.1 + 0.5) / (0.003 + 0.5),
+        rel=1e-8,  # that of the paper at D/R0 = 0.003 um/s
+    )
+    assert document["points"][-1]["v_p0"] == pytest.approx(2.2)
+    assert document["units"]["v_p0"] == "um/s"
+    for words, text in (
+        (("branch", *SMOOTH, "--to", "2.2"), "--to must be a number with a unit"),
+        (("branch", *SMOOTH, "--to", "2.2 um"), "--to must have the dimension L/T"),
+        (("branch", "--to", "8 um/s"), "--physical"),
+        (("phase-diagram", *SMOOTH, "--from", "1"), "--from must be a number with a unit"),
+    ):
+        code, out, err = run(capsys, *words)
+        assert (code, out) == (2, "")
+        assert text in err
+        assert len(err.strip().splitlines()) == 1
+
+
+def test_a_phase_diagram_of_a_physical_cell_has_units(capsys):
+    words = ("--from", "1 um^2/s", "--to", "1.2 um^2/s", "--speed-from", "1.6 um/s")
+    words += ("--speed-to", "2.2 um/s", "--columns", "2", "--rows", "2", "--json")
+    document = json.loads(run(capsys, "phase-diagram", *SMOOTH, *words)[1])
+    assert document["units"] == {"v_p0": "um/s", "D": "um^2/s"}
+    assert document["D"] == pytest.approx([1.0, 1.2])
+    assert document["v_p0"] == pytest.approx([1.6, 2.2])
+    assert document["regions"] == [["rest", "rest"], ["polarized", "polarized"]]

@@ -3,17 +3,13 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import (
-    Window,
-    branch_from_sphere,
-    branch_from_state,
-    polarized_branch,
-    steady_states,
-)
-from amoeboid.axisymmetric.onset import departure, onset_speed, onset_speeds
+from amoeboid.axisymmetric.branches import branch_from_sphere, branch_from_state, polarized_branch
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onset_speeds
 from amoeboid.axisymmetric.paths import CLOSED, Path
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.axisymmetric.steady import strong_residual
+from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, at_distance, started
 from amoeboid.validation import InvalidInput
@@ -29,7 +25,7 @@ def amplitudes(states):
 def check(p, reference, values, count):
     """The polarized states at every value are those of the reference, and `count` of them."""
     for v in values:
-        found = steady_states(p.replace(v_p0=float(v)), (1,))
+        found = steady_solutions(p.replace(v_p0=float(v)), (1,))
         expected = sorted(rear(x) - p.c0 for x in reference.states(v))
         assert found.complete
         assert len(expected) == count
@@ -47,11 +43,11 @@ def test_states_next_to_fold_and_threshold_are_found(name):
     low, threshold = reference.fold()[1], reference.threshold
     if name == "supercritical":
         check(p, reference, [threshold * (1 + 1e-6)], 1)
-        assert len(steady_states(p.replace(v_p0=threshold * (1 - 1e-6)), (1,))) == 1
+        assert len(steady_solutions(p.replace(v_p0=threshold * (1 - 1e-6)), (1,))) == 1
     else:
         near = 1e-6 * (threshold - low)
         check(p, reference, [low + near, threshold - near], 2)
-        assert len(steady_states(p.replace(v_p0=low - near), (1,))) == 1
+        assert len(steady_solutions(p.replace(v_p0=low - near), (1,))) == 1
 
 
 @pytest.mark.slow
@@ -68,7 +64,7 @@ def test_all_states_between_fold_and_threshold_are_found(name):
 
 
 def test_the_stable_state_just_above_the_fold_is_found():
-    found = steady_states(Parameters(D=0.4, v_p0=5.213))
+    found = steady_solutions(Parameters(D=0.4, v_p0=5.213))
     assert [s.max_retrograde_speed for s in found] == pytest.approx(
         [0.0, 0.89372, 0.99565], abs=5e-6
     )
@@ -78,7 +74,7 @@ def test_the_stable_state_just_above_the_fold_is_found():
 
 def test_a_state_where_the_mode_l_2_goes_first_is_found():
     p = Parameters(delta_P=0.5, v_p0=3.4)
-    (state,) = [s for s in steady_states(p, (1,)) if s.max_retrograde_speed > 0]
+    (state,) = [s for s in steady_solutions(p, (1,)) if s.max_retrograde_speed > 0]
     # a continuation with other steps passes it between 3.428 and 3.328
     assert state.max_retrograde_speed == pytest.approx(0.18166, abs=5e-6)
     assert strong_residual(state) < 1e-8
@@ -87,7 +83,7 @@ def test_a_state_where_the_mode_l_2_goes_first_is_found():
 def test_a_state_that_cannot_be_resolved_is_reported():
     """The paper's cell at 3 um/s: boundary layers at D/(beta R0^2) = 0.003."""
     p = Parameters.physical(v_p0="3 um/s", delta_P="300 Pa")
-    found = steady_states(p, (1,))
+    found = steady_solutions(p, (1,))
     assert not found.complete
     assert "l = 1" in found.problems[0]
     assert "does not resolve" in found.problems[0]
@@ -115,7 +111,7 @@ def test_all_of_the_branch_that_lies_in_the_window_is_listed(low, high, pieces):
         assert piece[-1].value == last
         assert all(low <= b.value <= high for b in piece)
     assert len(branch.folds) == (1 if low < 5.2 < high else 0)
-    fastest = steady_states(Parameters(D=0.4, v_p0=high), (1,))[-1].max_retrograde_speed
+    fastest = steady_solutions(Parameters(D=0.4, v_p0=high), (1,))[-1].max_retrograde_speed
     last = branch.pieces[-1][-1]
     assert last.stable
     assert last.state.max_retrograde_speed == pytest.approx(fastest, rel=1e-9)
@@ -168,15 +164,15 @@ def test_a_law_with_two_thresholds_has_one_branch_between_them():
     branch = branch_from_sphere(p, "v_p0", (0.0, 20.0), options=STEPS)
     assert branch.origins == pytest.approx(thresholds, rel=1e-9)
     assert branch.complete
-    found = steady_states(p, (1,))
-    same = steady_states(Parameters(v_p0=float(effective(9.0))), (1,))
+    found = steady_solutions(p, (1,))
+    same = steady_solutions(Parameters(v_p0=float(effective(9.0))), (1,))
     assert [s.max_retrograde_speed for s in found] == pytest.approx(
         [s.max_retrograde_speed for s in same], rel=1e-8
     )
     # its end at the upper threshold was found from there: states as near as one likes
-    near = steady_states(p.replace(v_p0=thresholds[1] * (1 - 1e-6)), (1,))
+    near = steady_solutions(p.replace(v_p0=thresholds[1] * (1 - 1e-6)), (1,))
     assert len(near) == 2
-    assert len(steady_states(p.replace(v_p0=thresholds[1] * (1 + 1e-6)), (1,))) == 1
+    assert len(steady_solutions(p.replace(v_p0=thresholds[1] * (1 + 1e-6)), (1,))) == 1
 
 
 def test_an_onset_outside_the_window_sends_its_branch_into_it():
@@ -193,12 +189,12 @@ def test_an_onset_outside_the_window_sends_its_branch_into_it():
 
 
 def amplitudes_of_flow(p):
-    return [s.max_retrograde_speed for s in steady_states(p, (1,)) if s.max_retrograde_speed > 0]
+    return [s.max_retrograde_speed for s in steady_solutions(p, (1,)) if s.max_retrograde_speed > 0]
 
 
 def test_a_branch_that_ends_on_symmetrical_states_says_so():
     p = Parameters(D=0.03, v_p0=3.7, delta_P=2.0)
-    start = steady_states(p, (1,))[-1]
+    start = steady_solutions(p, (1,))[-1]
     branch = branch_from_state(start, "delta_P", (0.9, 2.0), -1.0)
     assert branch.complete
     assert "symmetrical" in branch.message
@@ -250,7 +246,7 @@ def test_a_branch_leaves_the_sphere_along_its_tangent(l):
     size = 1e-3
     ends = []
     for sign in (1.0, -1.0):
-        start = departure(p, "v_p0", threshold, options, sign=sign)
+        start = branch_tangent(p, "v_p0", threshold, options, sign=sign)
         ends.append((start, at_distance(start, size, options)))
     (plus, ahead), (minus, behind) = ends
     slope = (ahead.parameter - behind.parameter) / (2 * size)
@@ -269,13 +265,13 @@ def test_where_a_branch_in_pressure_ends_is_said():
 
 
 def test_results_say_in_a_few_lines_what_they_are():
-    found = steady_states(Parameters(D=0.4, v_p0=5.5), (1,))
+    found = steady_solutions(Parameters(D=0.4, v_p0=5.5), (1,))
     assert repr(found).splitlines()[0] == "3 steady states, complete"
     assert len(repr(found).splitlines()) == 5
     assert len(found) == 3
     assert found[-1] is list(found)[2]
     assert found[1:] == found.states[1:]
-    soft = steady_states(Parameters(D=0.4, v_p0=6.2, delta_P=0.0), (1,))
+    soft = steady_solutions(Parameters(D=0.4, v_p0=6.2, delta_P=0.0), (1,))
     assert "short waves" in soft.problems[-1]
     branch = branch_from_sphere(Parameters(D=0.4), "v_p0", (0.0, 6.0), options=STEPS)
     assert "complete" in repr(branch)
@@ -285,13 +281,13 @@ def test_results_say_in_a_few_lines_what_they_are():
 
 def test_the_maximum_of_a_state_with_filaments_at_the_equator_is_its_c_rear():
     """The branch of l = 2 below its threshold at delta_P = 11: c is the same at both poles."""
-    found = steady_states(Parameters(D=0.4, v_p0=6.0, delta_P=11.0), (2,))
+    found = steady_solutions(Parameters(D=0.4, v_p0=6.0, delta_P=11.0), (2,))
     (state,) = [s for s in found if s.max_retrograde_speed > 0]
     c = state.concentration(np.linspace(0.0, np.pi, 20001))
     assert c[0] == pytest.approx(c[-1], rel=1e-9)
     assert [state.c_front, state.c_rear] == pytest.approx([c.min(), c.max()], rel=1e-7)
     assert state.c_rear > 2 * state.c_front
-    polarized = steady_states(Parameters(D=0.4, v_p0=6.0), (1,))[-1]
+    polarized = steady_solutions(Parameters(D=0.4, v_p0=6.0), (1,))[-1]
     poles = polarized.concentration(np.array([0.0, np.pi]))
     assert sorted(poles) == pytest.approx([polarized.c_front, polarized.c_rear], rel=1e-12)
     assert not any(unstable_modes(polarized).values())

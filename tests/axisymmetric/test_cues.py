@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 
 from amoeboid.axisymmetric.branches import branch_from_state
-from amoeboid.axisymmetric.evolution import Dynamics, perturbed_sphere, polished, settled
+from amoeboid.axisymmetric.evolution import (
+    Dynamics,
+    evolve_to_steady,
+    newton_refined,
+    perturbed_sphere,
+)
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, steady_state, strong_residual
 from amoeboid.closed_forms.response import polarization_by_cue
@@ -64,8 +69,8 @@ def test_jacobians_with_a_cue_are_exact():
 def test_evolution_settles_to_the_steady_state_under_a_strong_cue():
     cue = Cue(strength=0.5)
     p = Parameters(D=0.4, v_p0=5.0, delta_P=11.0)
-    last = settled(p, perturbed_sphere(p, {}), 100.0, rate=1e-7, cue=cue)
-    state = polished(last)
+    last = evolve_to_steady(p, perturbed_sphere(p, {}), 100.0, rate=1e-7, cue=cue)
+    state = newton_refined(last)
     assert state.converged
     assert state.cue == cue
     assert strong_residual(state) < 5e-9

@@ -8,14 +8,12 @@ import json
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import (
-    Window,
-    branch_from_sphere,
-    branch_point,
-    steady_states,
-)
-from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.bifurcations import branch_point
+from amoeboid.axisymmetric.branches import branch_from_sphere
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.steady import strong_residual
+from amoeboid.axisymmetric.window import Window
 from amoeboid.cli.main import main
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, follow
@@ -39,14 +37,14 @@ def test_folds_and_losses_of_stability(p, n, high, fold, headings):
     branch = branch_from_sphere(p, "v_p0", Window(0.0, high), options=STEPS, n=n)
     assert branch.message == ""
     assert [f.value for f in branch.folds] == [pytest.approx(fold, abs=6e-7)]
-    crossings = {c.m: c.at.value for c in branch.crossings}
-    assert set(headings) <= set(crossings)
+    bifurcations = {c.m: c.at.value for c in branch.bifurcations}
+    assert set(headings) <= set(bifurcations)
     for m, value in headings.items():
-        assert crossings[m] == pytest.approx(value, abs=6e-5)
+        assert bifurcations[m] == pytest.approx(value, abs=6e-5)
 
 
 def test_deformation_at_physical_and_at_high_pressure():
-    cells = [steady_states(q.replace(v_p0=6.0), (1,))[-1] for q in (SOFT, Parameters(D=0.4))]
+    cells = [steady_solutions(q.replace(v_p0=6.0), (1,))[-1] for q in (SOFT, Parameters(D=0.4))]
     assert cells[0].deformation == pytest.approx(0.0227, abs=5e-5)
     assert cells[1].deformation == pytest.approx(0.00097, abs=5e-6)
 
@@ -54,7 +52,7 @@ def test_deformation_at_physical_and_at_high_pressure():
 def test_a_cell_without_pressure_polarizes_and_deforms():
     p = Parameters(D=0.4, delta_P=0.0)
     points = []
-    for point in follow(departure(p, "v_p0", onset_speed(p), STEPS), STEPS):
+    for point in follow(branch_tangent(p, "v_p0", onset_speed(p), STEPS), STEPS):
         points.append(branch_point(point, p, "v_p0"))
         if point.parameter > 6.5:
             break

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.evolution import Dynamics, state_of
 from amoeboid.axisymmetric.harmonics import harmonics
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import (
     growth_rates,
     reduced_matrix,
@@ -88,7 +88,7 @@ def test_translations_and_rotations_of_a_deformed_cell_are_neutral(p):
 
     How it moves within that span is a choice of frame.
     """
-    state = steady_states(p, degrees=(1,))[-1]
+    state = steady_solutions(p, degrees=(1,))[-1]
     rates, removed, _ = reduced_matrix(state, 1, 30)
     assert removed.shape[1] == 2
     image = rates @ removed
@@ -100,14 +100,14 @@ def test_translations_and_rotations_of_a_deformed_cell_are_neutral(p):
 @pytest.mark.parametrize("p", DEFORMED)
 def test_axisymmetric_rates_are_those_of_the_nonlinear_dynamics(p):
     """Two derivations that share nothing but the steady state: weak and covariant, strong."""
-    state = steady_states(p, degrees=(1,))[-1]
+    state = steady_solutions(p, degrees=(1,))[-1]
     dynamics = np.linalg.eigvals(Dynamics(p, state.n).jacobian(state_of(state)))
     for rate in growth_rates(state, 0, 30)[:6]:
         assert np.abs(dynamics - rate).min() < 1e-7 * abs(rate)
 
 
 def test_growth_rates_do_not_depend_on_the_number_of_harmonics():
-    state = steady_states(DEFORMED[0], degrees=(1,))[-1]
+    state = steady_solutions(DEFORMED[0], degrees=(1,))[-1]
     for m in range(4):
         coarse, fine = growth_rates(state, m, 26)[:3], growth_rates(state, m, 32)[:3]
         np.testing.assert_allclose(coarse, fine, rtol=1e-7)
@@ -164,7 +164,7 @@ def test_growing_modes_of_a_polarized_cell_do_not_depend_on_a_high_pressure():
     """The state between fold and threshold grows slowly, at a rate of 0.015."""
     counts = []
     for delta_P in (300.0, 1e6):
-        states = steady_states(Parameters(D=0.4, v_p0=6.0, delta_P=delta_P), degrees=(1,))
+        states = steady_solutions(Parameters(D=0.4, v_p0=6.0, delta_P=delta_P), degrees=(1,))
         assert len(states) == 3
         counts.append([unstable_modes(state) for state in states])
         rates = growth_rates(states[1], 0)
@@ -186,11 +186,11 @@ def test_every_mode_of_the_sphere_that_grows_is_counted(p):
 
 
 def test_that_not_all_growing_modes_are_counted_is_said():
-    found = steady_states(Parameters(D=0.0, beta=0.0), (1,))
+    found = steady_solutions(Parameters(D=0.0, beta=0.0), (1,))
     assert any("lower bounds" in problem for problem in found.problems)
 
 
 @pytest.mark.parametrize("change", [{"v_p0": 1e300}, {"R0": 1e-100}, {"D": 1e300}, {"R0": 1e-300}])
 def test_cells_beyond_double_precision_are_rejected(change):
     with pytest.raises(InvalidInput, match=r"must be|beyond double precision"):
-        steady_states(Parameters(**change), (1,))
+        steady_solutions(Parameters(**change), (1,))

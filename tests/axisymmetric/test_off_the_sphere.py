@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BarycentricInterpolator
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.harmonics import harmonics
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import (
     _perturbed_fields,
     _rigid_motions,
@@ -66,7 +66,7 @@ def force_density(X, v, c, zeta0, p, step):
 
 
 def polarized(p):
-    return steady_states(p, degrees=(1,))[-1]
+    return steady_solutions(p, degrees=(1,))[-1]
 
 
 @pytest.fixture(scope="module")

@@ -6,16 +6,18 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
+from amoeboid.axisymmetric.branches import branch_from_sphere
 from amoeboid.axisymmetric.criticality import critical_values, criticality
 from amoeboid.axisymmetric.phase_diagram import (
     REGIONS,
     UNRESOLVED,
+    diagram_of_columns,
     phase_column,
     phase_columns,
-    phase_diagram,
 )
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
+from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.linear import critical_pressure, critical_speed
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import continuation
@@ -27,13 +29,13 @@ from amoeboid.validation import InvalidInput
 def diagram():
     values, speeds = np.linspace(0.04, 0.4, 3), np.linspace(3.2, 6.2, 5)
     columns = tuple(phase_columns(Parameters(), "D", values, speeds))
-    return phase_diagram(Parameters(), "D", values, speeds, columns)
+    return diagram_of_columns(Parameters(), "D", values, speeds, columns)
 
 
 def test_regions_are_what_the_states_at_each_point_say(diagram):
     for i, j in ((0, 0), (1, 0), (4, 1), (3, 2), (0, 2)):
         p = Parameters(D=float(diagram.values[j]), v_p0=float(diagram.speeds[i]))
-        states = steady_states(p, degrees=(1,))
+        states = steady_solutions(p, degrees=(1,))
         stable = [not any(unstable_modes(s).values()) for s in states]
         word = {
             (True, False): "rest",
@@ -143,7 +145,7 @@ def test_cells_right_next_to_fold_and_threshold_are_on_the_right_side():
 def test_every_cell_of_the_default_diagram_agrees_with_its_fold_line_and_threshold():
     values, speeds = np.linspace(0.03, 0.6, 40), np.linspace(3.0, 8.0, 40)
     columns = tuple(phase_columns(Parameters(), "D", values, speeds))
-    diagram = phase_diagram(Parameters(), "D", values, speeds, columns)
+    diagram = diagram_of_columns(Parameters(), "D", values, speeds, columns)
     assert diagram.complete
     for j, column in enumerate(columns):
         fold = min((f.parameter for f in column.folds), default=column.threshold)
@@ -204,14 +206,14 @@ def test_a_line_of_folds_that_stops_says_why(diagram, monkeypatch):
         "amoeboid.axisymmetric.phase_diagram.critical_values", lambda p, name, values: ()
     )
     columns = diagram.columns
-    cut = phase_diagram(Parameters(), "D", diagram.values, diagram.speeds, columns)
+    cut = diagram_of_columns(Parameters(), "D", diagram.values, diagram.speeds, columns)
     assert set(cut.problems) == {"line of folds: stopped on purpose"}
     assert 1 < len(cut.fold_line) < len(diagram.fold_line)
     monkeypatch.setattr(
         "amoeboid.axisymmetric.phase_diagram.newton",
         lambda *_, **__: SimpleNamespace(converged=False),
     )
-    lost = phase_diagram(Parameters(), "D", diagram.values, diagram.speeds, columns)
+    lost = diagram_of_columns(Parameters(), "D", diagram.values, diagram.speeds, columns)
     assert lost.fold_line == ()
     assert "was not found again" in lost.problems[0]
 

@@ -5,8 +5,10 @@ import sys
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
+from amoeboid.axisymmetric.branches import branch_from_sphere
 from amoeboid.axisymmetric.phase_diagram import fold_line, phase_column
+from amoeboid.axisymmetric.search import steady_solutions
+from amoeboid.axisymmetric.window import Window
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import shown
 from amoeboid.model.parameters import Parameters
@@ -29,7 +31,7 @@ def test_a_branch_reports_every_point_and_then_its_stability():
 
 def test_a_search_reports_each_branch_it_follows():
     steps = []
-    steady_states(Parameters(), watch=steps.append)
+    steady_solutions(Parameters(), watch=steps.append)
     assert {s.task for s in steps} == {f"searching along l = {k}" for k in (1, 2, 3)}
 
 

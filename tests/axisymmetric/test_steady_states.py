@@ -3,26 +3,27 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import Window, branch_from_sphere, steady_states
+from amoeboid.axisymmetric.branches import branch_from_sphere
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import (
-    SteadyState,
+    SteadySolution,
     SteadySystem,
     homogeneous,
     newton_solution,
-    series_maximum,
     steady_state,
     strong_residual,
 )
 from amoeboid.axisymmetric.unknowns import resampled
+from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 NONE = np.zeros(0)
 
 
-def polarized(p: Parameters) -> SteadyState:
-    return steady_states(p, degrees=(1,))[-1]
+def polarized(p: Parameters) -> SteadySolution:
+    return steady_solutions(p, degrees=(1,))[-1]
 
 
 POINTS = [
@@ -72,7 +73,7 @@ REFERENCES = [
 def test_reference_values_at_two_resolutions(p, name, value, tolerance):
     coarse = polarized(p)
     finer = steady_state(
-        p, SteadyState(p, 2 * coarse.n, resampled(coarse.x, coarse.n, 2 * coarse.n), False, ())
+        p, SteadySolution(p, 2 * coarse.n, resampled(coarse.x, coarse.n, 2 * coarse.n), False, ())
     )
     assert coarse.converged
     assert finer.converged
@@ -87,11 +88,11 @@ def test_the_error_falls_geometrically_with_the_number_of_modes():
     exact = polarized(p)
     errors = []
     for n in (12, 16, 20, 24):
-        start = SteadyState(p, n, resampled(exact.x, exact.n, n), False, ())
+        start = SteadySolution(p, n, resampled(exact.x, exact.n, n), False, ())
         system = SteadySystem(p, n)
         found = newton_solution(system, start.x)
         assert found.converged
-        errors.append(abs(SteadyState(p, n, found.x, True, ()).zeta0 - exact.zeta0))
+        errors.append(abs(SteadySolution(p, n, found.x, True, ()).zeta0 - exact.zeta0))
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
     assert np.all(ratios > 4)
 
@@ -165,10 +166,11 @@ def test_length_and_time_units_do_not_matter():
 def test_the_maximum_is_taken_between_the_points_too():
     # sin(x) + sin(2 x) has its maximum where cos(x) = (sqrt(33) - 1)/8
     x = np.arccos((np.sqrt(33) - 1) / 8)
-    assert series_maximum(np.array([1.0, 1.0])) == pytest.approx(
-        np.sin(x) + np.sin(2 * x), rel=1e-14
-    )
-    assert series_maximum(np.zeros(3)) == 0.0
+    cell = homogeneous(Parameters()).cell
+    at = cell.shape.grid.x
+    along = (np.sin(at) + np.sin(2 * at))[:, None] * cell.tangents
+    assert cell.max_length(along) == pytest.approx(np.sin(x) + np.sin(2 * x), rel=1e-14)
+    assert cell.max_length(0.0 * along) == 0.0
 
 
 def test_a_hopeless_start_is_reported_not_returned_as_a_solution():
@@ -188,7 +190,7 @@ def test_a_law_that_is_not_defined_at_the_start_is_no_traceback():
     start = homogeneous(p)
     x = start.x.copy()
     x[2 * start.n] = 2 * p.c0
-    attempt = steady_state(p, SteadyState(p, start.n, x, False, ()))
+    attempt = steady_state(p, SteadySolution(p, start.n, x, False, ()))
     assert not attempt.converged
     assert attempt.residuals == (np.inf,)
 
@@ -197,7 +199,7 @@ def test_a_state_that_the_modes_cannot_resolve_is_not_a_solution(monkeypatch):
     p = Parameters(D=0.4, v_p0=6.0)
     exact = polarized(p)
     monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 16)
-    start = SteadyState(p, 16, resampled(exact.x, exact.n, 16), False, ())
+    start = SteadySolution(p, 16, resampled(exact.x, exact.n, 16), False, ())
     attempt = steady_state(p, start)
     assert not attempt.converged
     assert "16 modes" in attempt.message
@@ -207,5 +209,5 @@ def test_a_state_that_the_modes_cannot_resolve_is_not_a_solution(monkeypatch):
 
 def test_without_an_instability_only_the_sphere_is_found():
     rising = Parameters(law="v_p0*(1 + c/c_r)")
-    assert [s.max_retrograde_speed for s in steady_states(rising)] == [0.0]
+    assert [s.max_retrograde_speed for s in steady_solutions(rising)] == [0.0]
     assert branch_from_sphere(rising, "v_p0", Window(0.0, 8.0)) is None

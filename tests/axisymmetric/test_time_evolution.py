@@ -5,15 +5,15 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
 from amoeboid.axisymmetric.evolution import (
     Dynamics,
     evolve,
+    evolve_to_steady,
+    newton_refined,
     perturbed_sphere,
-    polished,
-    settled,
     state_of,
 )
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import homogeneous
 from amoeboid.model.parameters import Parameters
@@ -63,32 +63,32 @@ def test_filaments_relax_at_the_turnover_rate():
 @pytest.mark.parametrize(("amplitude", "which"), [(3.0, -1), (0.3, 0)])
 def test_both_sides_of_the_hysteresis_end_on_the_states_that_newton_finds(amplitude, which):
     p = Parameters(D=0.4, v_p0=5.5)
-    states = steady_states(p, degrees=(1,))
+    states = steady_solutions(p, degrees=(1,))
     assert len(states) == 3
-    end = settled(p, perturbed_sphere(p, {1: amplitude}), 500.0)
+    end = evolve_to_steady(p, perturbed_sphere(p, {1: amplitude}), 500.0)
     goal = states[which]
     assert end.rate <= 1e-10
     assert end.max_retrograde_speed == pytest.approx(goal.max_retrograde_speed, abs=1e-8)
     assert end.c_front == pytest.approx(goal.c_front, abs=1e-8)
     assert end.c_rear == pytest.approx(goal.c_rear, abs=1e-8)
     assert end.zeta0 == pytest.approx(goal.zeta0, abs=1e-8 * goal.zeta0)
-    assert polished(end).converged
+    assert newton_refined(end).converged
 
 
 def test_the_unstable_state_separates_the_two():
     p = Parameters(D=0.4, v_p0=5.5)
-    _, middle, upper = steady_states(p, degrees=(1,))
+    _, middle, upper = steady_solutions(p, degrees=(1,))
     y = state_of(middle)
     rest = perturbed_sphere(p, {}, n=middle.n)
-    below, above = (settled(p, y + s * (y - rest), 500.0) for s in (-0.01, 0.01))
+    below, above = (evolve_to_steady(p, y + s * (y - rest), 500.0) for s in (-0.01, 0.01))
     assert below.max_retrograde_speed < 1e-8
     assert above.max_retrograde_speed == pytest.approx(upper.max_retrograde_speed, abs=1e-8)
 
 
 def test_supercritical_start_reaches_the_branch_and_strong_deformation_is_survived():
     p = Parameters(D=0.4, v_p0=6.0, delta_P=11.0)
-    goal = steady_states(p, degrees=(1,))[-1]
-    end = settled(p, perturbed_sphere(p, {1: 3.0}, {2: 0.2, 3: 0.1}), 500.0)
+    goal = steady_solutions(p, degrees=(1,))[-1]
+    end = evolve_to_steady(p, perturbed_sphere(p, {1: 3.0}, {2: 0.2, 3: 0.1}), 500.0)
     assert end.max_retrograde_speed == pytest.approx(goal.max_retrograde_speed, abs=1e-8)
 
 
@@ -101,7 +101,7 @@ def test_supercritical_start_reaches_the_branch_and_strong_deformation_is_surviv
     ],
 )
 def test_the_growth_rate_in_time_is_the_eigenvalue(p, which):
-    state = homogeneous(p) if which == 0 else steady_states(p, degrees=(1,))[which]
+    state = homogeneous(p) if which == 0 else steady_solutions(p, degrees=(1,))[which]
     y = state_of(state)
     dynamics = Dynamics(p, state.n)
     rates, modes = np.linalg.eig(dynamics.jacobian(y))

@@ -86,7 +86,7 @@ def settled_errors(p, subdivisions, reference):
     assert last.ended == "steady"
     *_, last = evolve(last, replace(config.time, end=last.state.t + 30, stop_when_steady=False))
     assert last.rate < 1e-6
-    return script("comparison").errors(observed(last.model, last.state, last.flow), reference)
+    return script("comparison").errors(observed(last.cell), reference)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.closed_forms.flow import Harmonics, max_retrograde_speed, rho_2, sphere_velocities
 from amoeboid.closed_forms.linear import base_tension, critical_speed
 from amoeboid.model.parameters import Parameters
@@ -12,7 +12,7 @@ from amoeboid.model.parameters import Parameters
 def slightly_polarized(p, above):
     """The polarized state just above threshold, and the first harmonics of its concentration."""
     p = p.replace(v_p0=float(critical_speed(p)) * (1 + above))
-    state = max(steady_states(p, (1,)), key=lambda s: s.max_retrograde_speed)
+    state = max(steady_solutions(p, (1,)), key=lambda s: s.max_retrograde_speed)
     a = 0.5 * (state.c_rear - state.c_front)
     b = 0.5 * (state.c_rear + state.c_front) - p.c0
     return p, state, Harmonics(a=a, b=b)

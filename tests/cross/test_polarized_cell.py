@@ -10,6 +10,7 @@ from amoeboid.meshes.geometry import area, mesh_quality
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed, polarity
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.surface.cell import SurfaceCell
 from cross.spectral import OBSERVED, polarized
 
 
@@ -36,7 +37,7 @@ def reference(D, v_p0):
 def test_figure_3d_has_the_numbers_of_the_spectral_solver():
     model, last = final(0.4, 6.0, 3.0)
     assert last.ended == "steady"
-    found, exact = observed(model, last.state, last.flow), reference(0.4, 6.0)
+    found, exact = observed(SurfaceCell(model, last.state, last.flow)), reference(0.4, 6.0)
     print({name: found[name] for name in exact})
     # the bounds that the 642-node mesh must keep; its own errors are about half of them
     assert found["max_retrograde_speed"] == pytest.approx(exact["max_retrograde_speed"], rel=0.005)
@@ -54,7 +55,7 @@ def test_supercritical_cell_polarizes_from_a_small_perturbation_at_second_order(
     for subdivisions in (2, 3):
         model, last = final(0.03, 3.8, 0.03, subdivisions, end=400)
         assert last.ended == "steady"
-        found = observed(model, last.state, last.flow)["max_retrograde_speed"]
+        found = observed(SurfaceCell(model, last.state, last.flow))["max_retrograde_speed"]
         errors.append(found / exact - 1)
         print(f"{len(last.state.c):6d} {found:9.6f} {errors[-1]:8.2%}")
     order = np.log2(errors[0] / errors[1])
@@ -82,7 +83,7 @@ def errors_on(p, subdivisions, direction=ALONG_EDGE, perturbation=3.0):
         assert last.ended == "steady"
         # what still changes then is no longer small against the errors of the finest mesh
         *_, last = evolve(last, Time(end=last.state.t + 30, stop_when_steady=False))
-        found = observed(last.model, last.state, last.flow)
+        found = observed(last.cell)
         for name in OBSERVED:
             errors[name].append(found[name] / getattr(exact, name) - 1)
     for name, values in errors.items():
@@ -158,14 +159,14 @@ def test_hysteresis_of_figure_3b(v_p0, perturbation, polarized):
     """D = 0.4: fold at v_p0 = 5.2096, threshold at 6.0257; between them two stable states."""
     model, last = final(0.4, v_p0, perturbation, 2, end=400)
     assert last.ended == "steady"
-    found = observed(model, last.state, last.flow)
+    found = observed(SurfaceCell(model, last.state, last.flow))
     if polarized:
         assert found["max_retrograde_speed"] > 1.5
         assert found["c_rear"] > 3 * found["c_front"]
     else:
         # what remains is the small flow of the mesh itself
         assert found["max_retrograde_speed"] < 3e-3
-        assert polarity(model, last.state, last.flow) < 1e-3
+        assert polarity(SurfaceCell(model, last.state, last.flow)) < 1e-3
 
 
 POINTS = [
@@ -191,7 +192,7 @@ def test_the_shell_finds_the_axisymmetric_state_at_other_points(p):
     model = first.model
     *_, last = evolve(first, config.time)
     assert last.ended == "steady"
-    found = observed(model, last.state, last.flow)
+    found = observed(SurfaceCell(model, last.state, last.flow))
     # without turnover the front is nearly empty (c = 0.002): its error is one of c0, not of itself
     scales = {name: getattr(state, name) for name in OBSERVED}
     scales["c_front"] = max(scales["c_front"], 0.1 * p.c0)
@@ -213,8 +214,8 @@ def test_a_hundred_turnovers_leave_mesh_and_cell_as_they_were(delta_P, v_p0):
     for step in evolve(first, replace(config.time, end=220.0)):
         assert mesh_quality(step.state.r, step.model.mesh.faces) > 0.9
         if early is None and step.state.t > 20:
-            early = observed(step.model, step.state, step.flow)
-    late = observed(step.model, step.state, step.flow)
+            early = observed(step.cell)
+    late = observed(step.cell)
     turnovers = 200.0 * late["max_retrograde_speed"] / np.pi
     print(delta_P, turnovers, early, late)
     assert turnovers > 100
@@ -249,7 +250,7 @@ def test_the_deformation_of_a_soft_cell_is_that_of_the_axisymmetric_solver(
         )
         *_, last = evolve(start(config), config.time)
         assert last.rate < 1e-4
-        errors.append(observed(last.model, last.state, last.flow)["deformation"] / exact - 1)
+        errors.append(observed(last.cell)["deformation"] / exact - 1)
     print(errors, np.log2(errors[0] / errors[1]))
     assert abs(errors[1]) < 0.02
     assert np.log2(errors[0] / errors[1]) > order

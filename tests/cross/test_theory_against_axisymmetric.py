@@ -5,8 +5,8 @@ from itertools import takewhile
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.onset import departure, onset_speed
-from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
+from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.closed_forms.amplitude import at_threshold, bifurcation, cubic_coefficient
 from amoeboid.closed_forms.branch import branch, prediction
@@ -46,8 +46,8 @@ def test_the_theory_becomes_exact_at_the_threshold():
 
 
 def state_at(point, p):
-    n = mode_count(point.x)
-    return SteadyState(p.replace(v_p0=point.parameter), n, point.x, True, ())
+    at = p.replace(v_p0=point.parameter)
+    return SteadySolution(at, mode_count(point.x), point.x, True, ())
 
 
 def measured_branch(p):
@@ -57,7 +57,7 @@ def measured_branch(p):
     """
     threshold = onset_speed(p)
     options = Options(parameter_scale=threshold)
-    start = departure(p, "v_p0", threshold, options)
+    start = branch_tangent(p, "v_p0", threshold, options)
     fits = []
     for distance in 0.3 * 0.7 ** np.arange(7):
         squares, slopes = [], []
@@ -104,7 +104,7 @@ def followed(p, farthest=2.2, number=40):
         return threshold < point.parameter < farthest * threshold and point.x.size < 300
 
     found = []
-    way = follow(departure(p, "v_p0", threshold, options), options)
+    way = follow(branch_tangent(p, "v_p0", threshold, options), options)
     for _, point in zip(range(number), takewhile(inside, way), strict=False):
         if not found or point.parameter > found[-1][0]:
             found.append((point.parameter, state_at(point, p).max_retrograde_speed))
@@ -159,6 +159,6 @@ def test_a_soft_cell_jumps_where_the_theory_says_subcritical():
     assert cubic_coefficient(p) > 0
     threshold = onset_speed(p)
     options = Options(parameter_scale=threshold)
-    first = at_distance(departure(p, "v_p0", threshold, options), 0.05, options)
+    first = at_distance(branch_tangent(p, "v_p0", threshold, options), 0.05, options)
     assert first.parameter < threshold
     assert polarized(p).max_retrograde_speed == pytest.approx(0.1435, abs=1e-4)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.model.parameters import Parameters
@@ -19,7 +19,7 @@ from amoeboid.simulation.loop import evolve, start
 def test_a_cell_turns_where_its_straight_motion_is_unstable(delta_P, v_p0, begin, end, turns):
     """From noise. Angle by which the way has turned after `begin`, in a plane or not."""
     p = Parameters(D=0.4, delta_P=delta_P, v_p0=v_p0)
-    straight = max(steady_states(p, (1,)), key=lambda state: state.c_rear)
+    straight = max(steady_solutions(p, (1,)), key=lambda state: state.c_rear)
     assert (unstable_modes(straight)[1] > 0) == turns
     config = Config(
         parameters=p,
@@ -40,4 +40,4 @@ def test_a_cell_turns_where_its_straight_motion_is_unstable(delta_P, v_p0, begin
     print(delta_P, v_p0, last.ended, angle, speed.mean())
     assert angle > np.pi if turns else angle < 0.1
     # nearly round all the time
-    assert reduced_volume(last.model, last.state, last.flow) > 0.98
+    assert reduced_volume(last.cell) > 0.98

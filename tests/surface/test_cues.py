@@ -8,7 +8,7 @@ import pytest
 
 import amoeboid as am
 from amoeboid.axisymmetric.evolution import evolve as evolve_axisymmetric
-from amoeboid.axisymmetric.evolution import perturbed_sphere, polished
+from amoeboid.axisymmetric.evolution import newton_refined, perturbed_sphere
 from amoeboid.closed_forms.linear import finite_pressure_matrix
 from amoeboid.closed_forms.response import polarization_by_cue
 from amoeboid.numerics.spherical_harmonics import real_harmonic
@@ -43,7 +43,7 @@ def test_weak_cue_polarizes_the_sphere_as_linear_theory_says():
     for subdivisions in (1, 2):
         cue = am.Cue(strength=strength, direction=tuple(direction))
         *_, last = run_of(BELOW, cue, subdivisions, initial, end=20.0, stop_when_steady=False)
-        found = 3 * BELOW.c0 * polarization(last.model, last.state)
+        found = 3 * BELOW.c0 * polarization(last.cell)
         errors.append(np.linalg.norm(found / expected - direction / np.linalg.norm(direction)))
     print(errors)
     # errors of the mesh
@@ -91,7 +91,7 @@ def test_cue_without_until_keeps_a_run_from_ending_as_steady():
     run = run_of(BELOW, Turning(), end=30.0)
     assert run[-1].ended == "end of time"
     # the polarization follows the cue behind by the angle atan(1/|lambda_1|)
-    x, y, z = -polarization(run[-1].model, run[-1].state)
+    x, y, z = -polarization(run[-1].cell)
     behind = (run[-1].state.t - math.atan2(y, x)) % (2 * math.pi)
     assert behind == pytest.approx(math.atan(-1 / float(am.growth_rate(BELOW, 1))), rel=0.05)
     assert abs(z) < 0.02 * math.hypot(x, y)
@@ -141,9 +141,7 @@ def turning_cell():
 
 
 def test_cell_turns_its_front_towards_a_cue_and_is_not_steady_before(turning_cell):
-    angles = [
-        math.atan2(v[2], -v[0]) for s in turning_cell for v in [polarization(s.model, s.state)]
-    ]
+    angles = [math.atan2(v[2], -v[0]) for s in turning_cell for v in [polarization(s.cell)]]
     at = {round(s.state.t): a for s, a in zip(turning_cell, angles, strict=True)}
     assert at[10] == pytest.approx(0.114, abs=0.01)
     assert abs(at[45]) < 0.01
@@ -158,7 +156,7 @@ def test_growth_rate_under_a_cue_is_the_rate_of_turning_towards_it(turning_cell)
     last = turning_cell[-1]
     late = [s for s in turning_cell if s.state.t > 14.0]
     t = np.array([s.state.t for s in late]) - late[0].state.t
-    angles = np.array([polarization(s.model, s.state)[2] for s in late])
+    angles = np.array([polarization(s.cell)[2] for s in late])
     # an angle at which this mesh lets the cell rest, and an exponential towards it
 
     def misfit(rate):
@@ -179,11 +177,11 @@ def test_cell_under_a_strong_cue_is_the_axisymmetric_one():
     cue = am.Cue(strength=0.6)
     p = am.Parameters(D=0.4, v_p0=6.0, delta_P=30.0)
     *_, instant = evolve_axisymmetric(p, perturbed_sphere(p, {}), 20.0, cue=cue)
-    exact = polished(instant)
+    exact = newton_refined(instant)
     *_, last = run_of(p, cue, 2)
     assert last.ended == "steady"
     assert last.stability == "stable"
-    found = observed(last.model, last.state, last.flow)
+    found = observed(last.cell)
     for name in ("c_front", "c_rear", "zeta0", "max_retrograde_speed", "reduced_volume"):
         print(name, found[name], getattr(exact, name))
         assert found[name] == pytest.approx(getattr(exact, name), rel=0.025)
@@ -203,6 +201,6 @@ def test_both_schemes_follow_a_cue(scheme, subdivisions, error):
     fine = {"max_step": 2e-4} if scheme == "explicit" else {"tolerance": 1e-5}
     *_, last = run_of(p, cue, subdivisions, end=0.2, scheme=scheme, **fine)
     *_, exact = evolve_axisymmetric(p, perturbed_sphere(p, {}), 0.2, cue=am.Cue(strength=0.5))
-    found = observed(last.model, last.state, last.flow)
+    found = observed(last.cell)
     assert found["c_rear"] - p.c0 == pytest.approx(exact.c_rear - p.c0, rel=error)
     assert p.c0 - found["c_front"] == pytest.approx(p.c0 - exact.c_front, rel=error)

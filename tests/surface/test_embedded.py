@@ -12,7 +12,8 @@ from amoeboid.meshes.geometry import MIN_QUALITY, volume_centroid
 from amoeboid.meshes.intersections import embedded, intersecting_pair
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import mesh_quality, reduced_volume
-from amoeboid.simulation.loop import Diverged, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step_length import Diverged
 from amoeboid.surface.initial import sphere as resting_sphere
 from amoeboid.surface.stepping import StepFailed, check_step
 from surface.shapes import lumpy, sausage, sphere
@@ -89,10 +90,10 @@ def test_a_run_follows_the_instability_until_parts_of_the_cell_meet(contact):
     last = steps[-1]
     assert last.state.t > 0.5
     # 0.60 to 0.62 at contact, as the mesh is changed sooner or later
-    assert reduced_volume(last.model, last.state, last.flow) < 0.65
+    assert reduced_volume(last.cell) < 0.65
     for step in steps:
         assert intersecting_pair(step.state.r, step.model.mesh.faces) is None
-        assert mesh_quality(step.model, step.state, step.flow) > MIN_QUALITY
+        assert mesh_quality(step.cell) > MIN_QUALITY
     # the end is that of the surface, not of a step that was too long
     assert last.dt < 1e-3
 

@@ -11,6 +11,7 @@ from amoeboid.meshes.operators import block_matrix
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import filament_number, observed
 from amoeboid.surface import explicit, initial
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.explicit import (
     constrained_flow,
@@ -147,9 +148,9 @@ def test_steady_state_is_that_of_the_semi_implicit_scheme():
     model, rest = initial.sphere(SOFT, 2)
     begin = initial.perturbed(model, rest, Initial(perturbation=3.0))
     start, flow = semi_implicit(model, begin, 0.1, 300)
-    there = observed(model, start, flow)
+    there = observed(SurfaceCell(model, start, flow))
     last, flow = stepped(model, start, 2e-3, 1500)
-    here = observed(model, last, flow)
+    here = observed(SurfaceCell(model, last, flow))
     differences = {
         name: here[name] / there[name] - 1
         for name in ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
@@ -179,7 +180,7 @@ def test_steady_state_converges_to_the_axisymmetric_one():
         begin = initial.perturbed(model, rest, Initial(perturbation=3.0))
         start, _ = semi_implicit(model, begin, 0.1, 300)
         last, flow = stepped(model, start, dt, round(4 / dt))
-        found = observed(model, last, flow)
+        found = observed(SurfaceCell(model, last, flow))
         for name in OBSERVED:
             errors[name].append(found[name] / getattr(exact, name) - 1)
     for name, (coarse, fine) in errors.items():
@@ -196,8 +197,8 @@ def test_without_turnover_filaments_are_kept_to_second_order_in_the_mesh():
     for subdivisions, dt in ((1, 2e-3), (2, 1e-3)):
         model, begin = polarizing(p, subdivisions)
         last, flow = stepped(model, begin, dt, round(0.4 / dt))
-        before = filament_number(model, begin, flow)
-        losses.append(filament_number(model, last, flow) / before - 1)
+        before = filament_number(SurfaceCell(model, begin, flow))
+        losses.append(filament_number(SurfaceCell(model, last, flow)) / before - 1)
     order = observed_orders([42, 162], losses)[0]
     print(losses, order)
     assert abs(losses[-1]) < 0.01
@@ -211,7 +212,7 @@ def test_a_wrong_area_is_put_right_at_once():
     left = []
     for dt in (2e-3, 1e-3, 5e-4):
         last, flow = stepped(model, swollen, dt, 3)
-        left.append(observed(model, last, flow)["area_error"])
+        left.append(observed(SurfaceCell(model, last, flow))["area_error"])
     assert max(left) < 1e-7
     assert np.log2(left[0] / left[-1]) / 2 > 0.8, left
 

@@ -12,8 +12,9 @@ from amoeboid.meshes.geometry import area, geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.observables import observed
-from amoeboid.output.folder import write_frame
+from amoeboid.output.frames import write_frame
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import initial_state, perturbed, sphere
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import State
@@ -168,7 +169,7 @@ def test_an_ellipsoid_ends_in_the_steady_state_of_the_sphere(tmp_path):
     ):
         model, step = ran(config)
         assert step.ended == "steady"
-        ends.append(observed(model, step.state, step.flow))
+        ends.append(observed(SurfaceCell(model, step.state, step.flow)))
     # the nodes lie differently: within a tenth of the error of this mesh (0.3 to 1.4 %)
     for name in ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "reduced_volume"):
         assert ends[1][name] == pytest.approx(ends[0][name], rel=1e-3), name
@@ -195,9 +196,9 @@ def test_a_frame_goes_on_with_its_shape_and_concentration(frame):
     new = np.lexsort(np.round(state.r, 9).T)
     np.testing.assert_allclose(state.r[new], (step.state.r - center)[old], atol=1e-14)
     np.testing.assert_array_equal(state.c[new], step.state.c[old])
-    before = observed(model, step.state, step.flow)
+    before = observed(SurfaceCell(model, step.state, step.flow))
     first = start(Config(initial=Initial(from_frame=str(path))))
-    after = observed(again, first.state, first.flow)
+    after = observed(SurfaceCell(again, first.state, first.flow))
     # the frame's flow and tension are of the step that led to it, whose length is an error
     for name in ("c_front", "c_rear", "polarity", "deformation", "reduced_volume", "mesh_quality"):
         assert after[name] == pytest.approx(before[name], rel=1e-12), name

@@ -15,7 +15,8 @@ from amoeboid.meshes.intersections import embedded
 from amoeboid.meshes.operators import block_matrix, normal_blocks, normal_projection, stiffness
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed, reduced_volume
-from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
 from amoeboid.surface import force_balance, stepping
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.equilibrium import flow_of
@@ -133,7 +134,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
     assert embedded(step.state.r, model.mesh.faces)
     assert mesh_quality(step.state.r, model.mesh.faces) > 0.3
     # towards the sphere
-    volumes = [reduced_volume(s.model, s.state, s.flow) for s in (first, step)]
+    volumes = [reduced_volume(s.cell) for s in (first, step)]
     assert volumes[1] > volumes[0]
     ends = []
     # with 80 steps the fast motions of the saddles are not resolved yet: order 2.3 in v
@@ -180,7 +181,7 @@ def steady_state(share, monkeypatch, delta_P=300.0):
     assert last.steady
     # one runs into its steady state sooner than the other, and the mesh settles slowly in it
     *_, last = evolve(last, Time(end=150.0, stop_when_steady=False))
-    return observed(last.model, last.state, last.flow)
+    return observed(last.cell)
 
 
 @pytest.mark.parametrize("delta_P", [pytest.param(300.0, marks=pytest.mark.slow), 11.0])
@@ -206,7 +207,7 @@ def test_effect_of_the_normal_viscosity_on_a_transient(name, monkeypatch):
         first, last = settled({"sphere": ellipsoid, **SHAPES}[name], 11.0, end=0.1)
         v_n = np.einsum("vi,vi->v", first.flow.v, first.flow.normals)
         speeds.append(np.abs(v_n).max())
-        volumes.append(reduced_volume(last.model, last.state, last.flow))
+        volumes.append(reduced_volume(last.cell))
     print(name, speeds, volumes)
     assert np.ptp(volumes[:2]) < 0.005
     assert np.ptp(volumes) < 0.05

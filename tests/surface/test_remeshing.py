@@ -23,7 +23,8 @@ from amoeboid.meshes.remeshing import EDGE_CHANGE, TOO_LONG, distortion, swept, 
 from amoeboid.meshes.topology import MAX_LENGTH, MIN_LENGTH, collapses, edges, flips, splits
 from amoeboid.model.parameters import Parameters
 from amoeboid.simulation import loop as simulation
-from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.model import Model

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Initial, Mesh, Time
@@ -42,7 +42,7 @@ EMPTIED = Parameters(D=0.1, v_p0=3.0, beta=0.0)
 
 def fastest_axisymmetric(p):
     """Of the fastest straight state, over m = 0 to 3."""
-    state = max(steady_states(p), key=lambda s: s.max_retrograde_speed)
+    state = max(steady_solutions(p), key=lambda s: s.max_retrograde_speed)
     return max(growth_rates(state, m).real.max() for m in AZIMUTHAL_NUMBERS)
 
 
@@ -364,7 +364,7 @@ def oscillating(p, subdivisions, applications=20):
 
 def test_the_next_mode_is_that_of_the_axisymmetric_spectrum():
     """The slowest mode of a stable cell is at -beta on any mesh; this one knows of the flow."""
-    state = max(steady_states(STIFF), key=lambda s: s.max_retrograde_speed)
+    state = max(steady_solutions(STIFF), key=lambda s: s.max_retrograde_speed)
     exact = max((x for x in growth_rates(state, 0) if x.imag > 0.5), key=lambda x: x.real)
     found = [oscillating(STIFF, n) for n in (2, 3)]
     print(found, exact)

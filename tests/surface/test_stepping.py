@@ -17,6 +17,7 @@ from amoeboid.numerics.multistep import extrapolated
 from amoeboid.observables import filament_number, observed
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping
+from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import perturbed, sphere
 from amoeboid.surface.model import Model
@@ -65,7 +66,10 @@ def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
     np.testing.assert_allclose(turned.r, plain.r @ turn.T, atol=1e-9)
     np.testing.assert_allclose(turned.c, plain.c, rtol=1e-8)
     np.testing.assert_allclose(turned.position, turn @ plain.position, atol=1e-9)
-    a, b = observed(model, plain, flow), observed(model, turned, turned_flow)
+    a, b = (
+        observed(SurfaceCell(model, plain, flow)),
+        observed(SurfaceCell(model, turned, turned_flow)),
+    )
     assert a == pytest.approx(b, rel=1e-6, abs=1e-9)
 
 
@@ -80,7 +84,7 @@ def test_polarization_along_any_direction_gives_the_same_numbers(direction):
         model = first.model
         *_, last = evolve(first, config.time)
         assert last.steady
-        numbers.append(observed(model, last.state, last.flow))
+        numbers.append(observed(SurfaceCell(model, last.state, last.flow)))
         x = last.state.r - volume_centroid(last.state.r, model.mesh.faces)
         axis = (last.flow.node_areas * last.state.c) @ x
         heading = axis @ np.array(along) / np.linalg.norm(axis) / np.linalg.norm(along)
@@ -134,10 +138,10 @@ def test_area_and_without_turnover_filaments_are_kept_over_a_whole_run(
     )
     first = start(config)
     model = first.model
-    number = filament_number(model, first.state, first.flow)
+    number = filament_number(SurfaceCell(model, first.state, first.flow))
     for step in evolve(first, config.time):
         assert area(step.state.r, model.mesh.faces) == pytest.approx(model.A0, rel=1e-12)
-        found = filament_number(model, step.state, step.flow)
+        found = filament_number(SurfaceCell(model, step.state, step.flow))
         assert found == pytest.approx(number, rel=1e-12)
 
 
@@ -195,7 +199,11 @@ def test_the_cell_advances_as_fast_as_its_cortex_flows_back():
     expected = -(flow.node_areas @ flow.v_c) / flow.node_areas.sum()
     np.testing.assert_allclose(velocity, expected, rtol=1e-5, atol=1e-9)
     # of the order of the retrograde speed, towards the front
-    assert 0.5 < -velocity[2] / observed(model, last.state, flow)["max_retrograde_speed"] < 1.2
+    assert (
+        0.5
+        < -velocity[2] / observed(SurfaceCell(model, last.state, flow))["max_retrograde_speed"]
+        < 1.2
+    )
 
 
 @pytest.mark.parametrize("delta_P", [0.0, 0.05, 1.0, 300.0])
@@ -228,7 +236,7 @@ def test_units_do_not_matter():
         model, rest = sphere(p, 1)
         state = perturbed(model, rest, Initial(perturbation=2.0 * unit_density))
         state, flow = short_run(model, state, dt=0.05 * unit_time)
-        numbers = observed(model, state, flow)
+        numbers = observed(SurfaceCell(model, state, flow))
         results.append((state.c / unit_density, numbers["max_retrograde_speed"] * unit_time / p.R0))
     np.testing.assert_allclose(results[1][0], results[0][0], rtol=1e-8)
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-7)

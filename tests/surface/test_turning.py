@@ -6,13 +6,14 @@ from functools import cache
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.branches import steady_states
+from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import cortex_drag_velocity
-from amoeboid.simulation.loop import Step, evolve, start
+from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.step import Step
 from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.stepping import semi_implicit_step
@@ -34,7 +35,7 @@ def circling(subdivisions, end, tolerance=1e-3):
 
 def way_of(steps):
     """Turning, speed and radius of the way of the cell, of its directions from step to step."""
-    v = np.array([cortex_drag_velocity(step.model, step.state, step.flow) for step in steps])
+    v = np.array([cortex_drag_velocity(step.cell) for step in steps])
     speeds = np.linalg.norm(v, axis=1)
     u = v / speeds[:, None]
     cosine = np.einsum("ti,ti->t", u[1:], u[:-1])
@@ -130,7 +131,7 @@ def test_the_growth_of_bending_converges_to_the_axisymmetric_rate():
     Ratios of errors rise towards 4 (2.1 and 3.2 here): errors of second and fourth order differ in
     sign.
     """
-    state = max(steady_states(CIRCLES), key=lambda s: s.max_retrograde_speed)
+    state = max(steady_solutions(CIRCLES), key=lambda s: s.max_retrograde_speed)
     exact = growth_rates(state, 1).real.max()
     found = np.array([[bending_rate(n, axis) for axis in (0, 1)] for n in (2, 3, 4)])
     errors = found - exact

@@ -1,4 +1,4 @@
-"""Points of a branch with their growth rates, and where the number of growing modes changes."""
+"""Points of a branch with their growth rates, and where the number of unstable modes changes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from amoeboid.axisymmetric.stability import (
     growth_rates,
     neutral_rate,
 )
-from amoeboid.axisymmetric.steady import SteadyState
+from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import finer
 from amoeboid.numerics.continuation import Options, Point, Stalled, located
@@ -28,7 +28,7 @@ class BranchPoint:
     """A steady state on a branch, the value of the parameter there and the growth rates."""
 
     point: Point
-    state: SteadyState
+    state: SteadySolution
     value: float
 
     @cached_property
@@ -38,7 +38,7 @@ class BranchPoint:
 
     @cached_property
     def unstable(self) -> dict[int, int]:
-        """Number of growing modes for m = 0, 1, 2, 3."""
+        """Number of unstable modes for m = 0, 1, 2, 3."""
         p = self.state.parameters
         return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
 
@@ -49,7 +49,7 @@ class BranchPoint:
 
 
 @dataclass(frozen=True, eq=False)
-class Crossing:
+class Bifurcation:
     """A point where a mode of azimuthal number m becomes neutral; `oscillating` at a Hopf point.
 
     `piece` is the index of the stretch of the branch that it lies on.
@@ -66,15 +66,15 @@ def branch_point(point: Point, p: Parameters, name: str) -> BranchPoint:
     return BranchPoint(point, steady_state_at(p, name, point), point.parameter)
 
 
-def located_crossings(
+def located_bifurcations(
     p: Parameters,
     name: str,
     pieces: Sequence[Sequence[BranchPoint]],
     options: Options,
     watch: Watch,
-) -> tuple[tuple[Crossing, ...], list[str]]:
-    """Where modes become neutral, and what was not located."""
-    found: list[Crossing] = []
+) -> tuple[tuple[Bifurcation, ...], list[str]]:
+    """Where modes become neutral, and what could not be located."""
+    found: list[Bifurcation] = []
     missed: list[str] = []
     count = 0
     for number, piece in enumerate(pieces):
@@ -84,17 +84,17 @@ def located_crossings(
             watch(Progress("stability", name, b.value, b.state.n, count))
             between = [f for f in folds if a.point.length <= f.point.length <= b.point.length]
             for m in AZIMUTHAL_NUMBERS:
-                crossings, lost = _crossings_between(p, name, a, b, m, between, options)
-                found += [replace(crossing, piece=number) for crossing in crossings]
+                bifurcations, lost = _bifurcations_between(p, name, a, b, m, between, options)
+                found += [replace(bifurcation, piece=number) for bifurcation in bifurcations]
                 if lost:
                     missed.append(
                         f"the number of unstable modes m = {m} changes between {name} = "
-                        f"{a.value:.6g} and {b.value:.6g}; where was not found"
+                        f"{a.value:.6g} and {b.value:.6g}; the location was not found"
                     )
     return tuple(found), missed
 
 
-def _crossings_between(
+def _bifurcations_between(
     p: Parameters,
     name: str,
     a: BranchPoint,
@@ -102,20 +102,20 @@ def _crossings_between(
     m: int,
     folds: Sequence[BranchPoint],
     options: Options,
-) -> tuple[list[Crossing], bool]:
-    """The crossings of m between neighbors, folds left out; whether one was not found."""
-    found: list[Crossing] = []
+) -> tuple[list[Bifurcation], bool]:
+    """The bifurcations of m between neighbors, folds left out; whether one is missing."""
+    found: list[Bifurcation] = []
     lost = False
     for k in range(*sorted((a.unstable[m], b.unstable[m]))):
-        crossing = _crossing(p, name, a, b, m, k, options)
-        if crossing is None:
+        bifurcation = _bifurcation(p, name, a, b, m, k, options)
+        if bifurcation is None:
             lost = True
             continue
-        at = crossing.at
+        at = bifurcation.at
         if found and _near(at, found[-1].at, options):
             continue  # the other one of a pair
         if m > 0 or not any(_near(at, fold, options) for fold in folds):
-            found.append(crossing)
+            found.append(bifurcation)
     return found, lost
 
 
@@ -123,9 +123,9 @@ def _near(a: BranchPoint, b: BranchPoint, options: Options) -> bool:
     return abs(a.point.length - b.point.length) <= 1e-4 * options.max_step
 
 
-def _crossing(
+def _bifurcation(
     p: Parameters, name: str, a: BranchPoint, b: BranchPoint, m: int, k: int, options: Options
-) -> Crossing | None:
+) -> Bifurcation | None:
     """Where the real part of the k-th fastest rate passes zero between neighbors a and b."""
 
     def rate(point: Point) -> float:
@@ -142,5 +142,5 @@ def _crossing(
     with suppress(Stalled):
         at = branch_point(located(start, end, rate, options), p, name)
         still = neutral_rate(at.rates[m], at.state.parameters)
-        return Crossing(m, bool(abs(at.rates[m][k].imag) > still), at)
+        return Bifurcation(m, bool(abs(at.rates[m][k].imag) > still), at)
     return None

@@ -1,4 +1,4 @@
-"""Whether the sphere polarizes continuously or by a jump, from the steady branch itself.
+"""Whether the sphere polarizes continuously or by a jump, measured on the steady branch.
 
 Near its origin the polarized branch is v_p0 = threshold + k a^2, a the amplitude of cos(x) in c:
 supercritical for k > 0, subcritical (hysteresis) for k < 0. k = -nu/(d lambda_1/d v_p0) with the
@@ -14,7 +14,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.optimize import brentq
 
-from amoeboid.axisymmetric.onset import departure, onset_speed
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import Options, Point, at_distance
@@ -27,17 +27,17 @@ AGREEMENT = 1e-4
 
 
 def criticality(p: Parameters) -> float | None:
-    """k = d(v_p0)/d(a^2) at the origin of the polarized branch; None where it is not determined.
+    """k = d(v_p0)/d(a^2) at the origin of the polarized branch; None where it is unknown.
 
-    Extrapolated from three small amplitudes, halved until two estimates agree to AGREEMENT. There
-    is no value without a threshold and too near a pole of k, where the thresholds of l = 1 and
-    l = 2 meet. Raises InvalidInput where the sphere has no single neutral mode.
+    Extrapolated from three small amplitudes, which are halved until two estimates agree to
+    AGREEMENT. None without a threshold, and too close to a pole of k, where the thresholds of
+    l = 1 and l = 2 meet. Raises InvalidInput where the sphere has no single neutral mode.
     """
     threshold = onset_speed(p)
     if threshold is None:
         return None
     options = Options(parameter_scale=threshold)
-    start = departure(p, "v_p0", threshold, options)
+    start = branch_tangent(p, "v_p0", threshold, options)
     # k itself may vanish: below this size differences count absolutely
     small = 0.1 * threshold / p.c0**2
     previous: float | None = None

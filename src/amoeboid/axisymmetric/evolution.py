@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric import observables
+from amoeboid.axisymmetric.cell import AxisymmetricCell, heights, volume
 from amoeboid.axisymmetric.force_balance import (
     forces,
     speed,
@@ -30,9 +30,8 @@ from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
     MAX_MODES,
     MODES,
-    Scales,
-    SteadyState,
-    series_maximum,
+    Magnitudes,
+    SteadySolution,
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
@@ -41,6 +40,7 @@ from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
 from amoeboid.numerics.newton import solve
+from amoeboid.observables import Measured
 from amoeboid.validation import InvalidInput
 
 TAIL = 1e-9
@@ -49,11 +49,12 @@ FIRST_STEP, MIN_STEP = 1e-3, 1e-12
 
 
 @dataclass(frozen=True)
-class Instant:
-    """The cell at time t: sine coefficients of psi - x and u, cosine coefficients of c; zeta_0.
+class Instant(Measured):
+    """The cell at time t: sine coefficients of psi - x and u, cosine ones of V and c; zeta_0.
 
-    u is the tangential velocity in the frame in which the center of volume rests. `rate` is the
-    scaled rate of change of the state [1/time], zero when it is steady.
+    u and V are the tangential and normal velocity in the frame in which the center of volume
+    rests. `rate` is the scaled rate of change of the state [1/time], zero when it is steady. Every
+    observable is an attribute: `max_retrograde_speed`, `polarity`.
     """
 
     parameters: Parameters
@@ -62,26 +63,12 @@ class Instant:
     y: Array
     psi: Array
     u: Array
+    V: Array
     c: Array
     length_scale: float
     zeta0: float
     rate: float
     cue: Cue | None = None
-
-    @property
-    def max_retrograde_speed(self) -> float:
-        """Maximum of |u| over the surface [length/time]."""
-        return series_maximum(self.u)
-
-    @property
-    def c_front(self) -> float:
-        """Lowest c on the surface [1/length^2]."""
-        return observables.cosine_extrema(self.c)[0]
-
-    @property
-    def c_rear(self) -> float:
-        """Highest c on the surface [1/length^2]."""
-        return observables.cosine_extrema(self.c)[1]
 
     @property
     def shape(self) -> Shape:
@@ -91,11 +78,19 @@ class Instant:
         slope = 1.0 + g.odd_slopes[:, : self.n - 1] @ self.psi
         return shape(g, psi, slope, np.array([self.length_scale]))
 
-    def as_guess(self) -> SteadyState:
+    @cached_property
+    def cell(self) -> AxisymmetricCell:
+        """The instant as observables see it."""
+        g, p, here = grid(self.n), self.parameters, self.shape
+        u, V, c = g.odd_values @ self.u, g.even_values @ self.V, g.even_values @ self.c
+        v_p = speed(here, c, with_cue(p.point(), self.cue))
+        return AxisymmetricCell(p, here, c, u, V, v_p, self.zeta0)
+
+    def as_guess(self) -> SteadySolution:
         """This instant as a guess for the steady state nearby (not converged)."""
         scalars = [self.length_scale, self.zeta0, 0.0, 0.0]
         x = np.concatenate([self.psi, self.u, self.c, scalars])
-        return SteadyState(self.parameters, self.n, x, False, (), cue=self.cue)
+        return SteadySolution(self.parameters, self.n, x, False, (), cue=self.cue)
 
 
 @dataclass(frozen=True)
@@ -178,7 +173,7 @@ class Dynamics:
         V = w + speed(here, c, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
-        s = Scales.of(self.parameters)
+        s = Magnitudes.of(self.parameters)
         change = s.speed * self.parameters.R0
         return stacked(
             [
@@ -218,11 +213,12 @@ class Dynamics:
         here, c, coefficients = self.closed(y)
         n, g = self.n, grid(self.n)
         q = self._velocities((here, c, coefficients))
-        V = g.even_values @ q[n : 2 * n] + speed(here, c, self.point)
-        u = g.to_odd @ observables.retrograde_flow(here, g.odd_values @ q[:n], V)
+        u, V = g.odd_values @ q[:n], g.even_values @ q[n : 2 * n] + speed(here, c, self.point)
+        center = float(here.surface_integral(V * heights(here))[0]) / volume(here)
+        u, V = g.to_odd @ (u + center * here.sin_psi), g.to_even @ (V - center * here.cos_psi)
         rate = float(np.sqrt(np.mean((self.rate(y) / self.scales()) ** 2)))
         return Instant(
-            self.parameters, t, n, y, coefficients, u, y[n - 2 :],
+            self.parameters, t, n, y, coefficients, u, V, y[n - 2 :],
             float(here.scale[0]), float(q[2 * n]), rate, self.cue,
         )  # fmt: skip
 
@@ -262,7 +258,7 @@ def perturbed_sphere(
     return y
 
 
-def state_of(state: SteadyState) -> Array:
+def state_of(state: SteadySolution) -> Array:
     """The state y of a steady state."""
     psi, _, c, _ = split(state.x, state.n)
     return np.concatenate([psi[1:], c])
@@ -299,7 +295,7 @@ def evolve(
             dynamics, y = dynamics.refined(y)
 
 
-def settled(
+def evolve_to_steady(
     p: Parameters,
     y: Array,
     end: float,
@@ -317,6 +313,6 @@ def settled(
     return last
 
 
-def polished(instant: Instant) -> SteadyState:
+def newton_refined(instant: Instant) -> SteadySolution:
     """The steady state that Newton's method reaches from an instant."""
     return steady_state(instant.parameters, instant.as_guess(), instant.cue)

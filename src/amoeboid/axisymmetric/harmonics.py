@@ -16,7 +16,7 @@ from amoeboid.arrays import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Harmonics:
+class HarmonicBasis:
     """Orthonormal P_l^m for l = max(m, first)..degree at the nodes, one column each.
 
     `over_sine` is m P/sin x, `slopes` dP/dx; `*_slopes` of the vector components as well.
@@ -33,7 +33,7 @@ class Harmonics:
 
 
 @lru_cache(maxsize=64)
-def harmonics(m: int, degree: int, nodes: int) -> Harmonics:
+def harmonics(m: int, degree: int, nodes: int) -> HarmonicBasis:
     """The basis of azimuthal number m up to `degree` on Gauss nodes in cos x."""
     mu, weights = np.polynomial.legendre.leggauss(nodes)
     x = np.arccos(mu)
@@ -55,7 +55,9 @@ def harmonics(m: int, degree: int, nodes: int) -> Harmonics:
     curvatures = (
         -cot * slopes + (m / sine)[:, None] * over_sine - degrees * (degrees + 1.0) * values
     )
-    return Harmonics(x, weights, degrees, values, slopes, over_sine, over_sine_slopes, curvatures)
+    return HarmonicBasis(
+        x, weights, degrees, values, slopes, over_sine, over_sine_slopes, curvatures
+    )
 
 
 def _legendre(m: int, degree: int, mu: Array, sine: Array) -> Array:

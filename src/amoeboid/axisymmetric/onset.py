@@ -1,4 +1,4 @@
-"""Where the homogeneous sphere becomes unstable, and in which direction a branch leaves it."""
+"""Where the homogeneous sphere becomes unstable, and the tangent of the branch from there."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def _roots(function: Callable[[float], float], grid: Array) -> tuple[float, ...]
     )
 
 
-def departure(
+def branch_tangent(
     p: Parameters, name: str, value: float, options: Options, n: int = MODES, sign: float = 1.0
 ) -> Point:
     """The branch point of the homogeneous state at `value` with the tangent of the new branch.

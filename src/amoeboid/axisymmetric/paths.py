@@ -1,8 +1,8 @@
 """A branch of steady states from a start to its natural end, arc by arc.
 
-A branch ends where it meets the sphere (it passes through to its own mirror image, or to another
-branch that was not asked for), where it meets states that are symmetrical front to back, where it
-comes back to its start, and where the parameter reaches zero.
+A branch ends where it meets the sphere (it continues there as its own mirror image, or as another
+branch), where it meets states that are symmetrical front to back, where it returns to its start,
+and where the parameter reaches zero.
 """
 
 from __future__ import annotations
@@ -14,10 +14,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.onset import departure, onsets
+from amoeboid.axisymmetric.onset import branch_tangent, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.steady import SteadyState, homogeneous_unknowns
+from amoeboid.axisymmetric.steady import SteadySolution, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
+from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import (
@@ -32,20 +33,17 @@ from amoeboid.numerics.continuation import (
 )
 from amoeboid.validation import InvalidInput
 
-NOTHING = 1e-9
-"""Deviations from symmetry below this fraction are rounding."""
-
 SAME = 1e-6
 """Relative difference up to which two states are the same."""
 
 MAX_DEGREE = 12
-"""Modes of the sphere among which that of a meeting is sought."""
+"""Highest mode of the sphere that is tried where a branch meets the sphere."""
 
 MAX_COARSE_STEP = 1.5
-"""Longest step where points are not asked for."""
+"""Longest step outside the window."""
 
 FINER, MAX_FINER = 8.0, 600.0
-"""Factor by which steps become shorter where one has slid to states of more symmetry, and most."""
+"""Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
 
 SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start", "zero"
 
@@ -55,57 +53,21 @@ def modes_of(point: Point) -> int:
     return mode_count(point.x)
 
 
-def steady_state_at(p: Parameters, name: str, point: Point) -> SteadyState:
+def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
     """The steady state of a point of a branch in `name`."""
     at = p.replace(**{name: point.parameter})
-    return SteadyState(at, modes_of(point), point.x, True, ())
-
-
-@dataclass(frozen=True)
-class Window:
-    """The values low <= parameter <= high that are asked for."""
-
-    low: float
-    high: float
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise InvalidInput(
-                f"the window of the parameter must have low < high, got {self.low!r}, {self.high!r}"
-            )
-
-    @classmethod
-    def of(cls, window: Window | tuple[float, float]) -> Window:
-        """The window itself, or that of a pair (low, high). Raises InvalidInput for others."""
-        if isinstance(window, Window):
-            return window
-        try:
-            low, high = (float(value) for value in window)
-        except (TypeError, ValueError):
-            raise InvalidInput(
-                f"the window of the parameter must be a pair (low, high), got {window!r}"
-            ) from None
-        return cls(low, high)
-
-    def holds(self, value: float) -> bool:
-        """Whether the value lies inside, ends included."""
-        return self.low <= value <= self.high
-
-    def overlap(self, arc: Arc) -> tuple[float, float] | None:
-        """(first, last) value on the way from arc.a to arc.b inside the window; None if none."""
-        a, b = (min(max(q.parameter, self.low), self.high) for q in (arc.a, arc.b))
-        return None if abs(b - a) <= NOTHING * max(abs(a), abs(b)) else (a, b)
+    return SteadySolution(at, modes_of(point), point.x, True, ())
 
 
 @dataclass
 class Path:
-    """Iterable of the arcs from `start` on, at most once.
+    """The arcs of a branch from `start` on, as an iterable that can be used once.
 
-    Steps outside the `window`, if there is one, are coarse; where the branch comes in, it has a
-    point on the edge. After the last arc `end` names what was met (it stays empty if max_points do
-    not suffice) and `threshold` the value of the parameter where it is the sphere. `last` is the
-    end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the arc
-    that leads to it.
+    Steps outside the `window`, if there is one, are coarse; where the branch enters it, there is a
+    point on the edge. After the last arc, `end` names how the branch ended (empty if max_points did
+    not suffice) and `threshold` is the value of the parameter if it ended at the sphere. `last` is
+    the end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the
+    arc that leads to it.
     """
 
     p: Parameters
@@ -129,7 +91,7 @@ class Path:
             here = yield from self._stretch(here, inside)
 
     def _stretch(self, start: Point, inside: bool) -> Generator[Arc, None, Point | None]:
-        """Arcs with one length of steps; returns where to go on with the other."""
+        """Arcs with one length of steps; returns the point from which the other one continues."""
         options = (
             self.options
             if inside
@@ -155,8 +117,9 @@ class Path:
                 self._finer *= FINER
                 if self._finer > MAX_FINER:
                     raise Stalled(
-                        f"the branch meets states of more symmetry between parameter = "
-                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; where was not found"
+                        f"the branch meets states of higher symmetry between parameter = "
+                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; the location was not "
+                        "found"
                     )
                 return anchor
             self.last = arcs[-1].b
@@ -187,7 +150,7 @@ class Path:
             raise
 
     def _entry(self, arc: Arc) -> Point | None:
-        """The point at which a coarse arc comes into the window, if it does."""
+        """The point at which a coarse arc enters the window, if it does."""
         overlap = self.window.overlap(arc) if self.window is not None else None
         if overlap is None or overlap[0] == arc.a.parameter or arc.backwards:
             return None
@@ -198,7 +161,7 @@ class Path:
     def _slid(self, anchor: Point, point: Point) -> bool:
         """Whether a step from a polarized state led to the sphere or to a symmetrical state.
 
-        A branch that ends on these passes through to its mirror image; a step may miss that.
+        A branch that ends there continues as its mirror image; a step may jump over that point.
         """
         pairs = (
             (self._deviation(anchor), self._deviation(point)),
@@ -263,7 +226,7 @@ class Path:
         """Arcs from `anchor` to the threshold `value` that were found from there; none if wrong."""
         try:
             begins = [
-                departure(self.p, self.name, value, self.options, modes_of(anchor), sign)
+                branch_tangent(self.p, self.name, value, self.options, modes_of(anchor), sign)
                 for sign in (1.0, -1.0)
             ]
         except InvalidInput:

@@ -1,4 +1,4 @@
-"""Phase diagram in v_p0 and one other parameter: where the cell rests, polarizes, or may do both.
+"""Phase diagram in v_p0 and one other parameter: where the cell is at rest, polarized, or bistable.
 
 The threshold and the fold are the edges of the bistable region; they meet where the bifurcation
 turns from super- to subcritical.
@@ -15,13 +15,14 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.criticality import critical_values
-from amoeboid.axisymmetric.onset import departure, onset_speed
-from amoeboid.axisymmetric.paths import Path, Window, asymmetry, steady_state_at
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
+from amoeboid.axisymmetric.paths import Path, asymmetry, steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
+from amoeboid.axisymmetric.search import Rising
 from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
-from amoeboid.axisymmetric.states import Rising
-from amoeboid.axisymmetric.steady import SteadyState, SteadySystem, homogeneous
+from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem, homogeneous
 from amoeboid.axisymmetric.unknowns import mode_count
+from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, arcs, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled, through
@@ -45,7 +46,7 @@ class Column:
 
     `regions` (rows,) indexes REGIONS; `flow` (rows,) is the maximal retrograde speed of the
     fastest stable polarized state, 0 where there is none. `problem` says what stopped the branch
-    before it passed all of `speeds`, if anything did.
+    before it passed all of `speeds`; empty if nothing did.
     """
 
     value: float
@@ -57,7 +58,7 @@ class Column:
 
 
 @dataclass(frozen=True, eq=False)
-class PhaseDiagram:
+class DiagramSolution:
     """Regions and flow (rows of v_p0, columns of the other parameter) with their edges.
 
     Each of `fold_lines` holds (value, v_p0) along a curve of folds, `tips` are the points
@@ -77,6 +78,11 @@ class PhaseDiagram:
     def complete(self) -> bool:
         """Whether all branches and lines of folds were followed to their ends."""
         return not self.problems
+
+    @property
+    def threshold_line(self) -> tuple[tuple[float, float], ...]:
+        """(value, v_p0) of the threshold in every column that has one."""
+        return tuple((c.value, c.threshold) for c in self.columns if c.threshold is not None)
 
     @property
     def fold_line(self) -> tuple[tuple[float, float], ...]:
@@ -166,7 +172,7 @@ def _polarized_branch(
     problem = ""
     path: Path | None = None
     try:
-        start = departure(p, "v_p0", threshold, options)
+        start = branch_tangent(p, "v_p0", threshold, options)
         path = Path(p, "v_p0", start, options, window=window)
         for arc in path:
             found.append(arc)
@@ -184,7 +190,7 @@ def _polarized_branch(
 
 def _fastest_stable(
     p: Parameters, v_p0: float, path: list[Arc], options: Options
-) -> SteadyState | None:
+) -> SteadySolution | None:
     """The last stable state at v_p0 along the branch; None if there is none.
 
     Raises Stalled if a state that the branch passes cannot be found.
@@ -204,7 +210,7 @@ def fold_line(
 ) -> tuple[list[tuple[float, float]], list[str]]:
     """(value, v_p0) along the curve of folds through the first fold of a column, both ways.
 
-    The second entry says what stopped it elsewhere than at one of its ends, if anything did.
+    The second entry says what stopped it before one of its ends, if anything did.
 
     Two-parameter continuation; it ends at the limits of `values` or where the fold meets the
     threshold, its amplitude vanishing.
@@ -273,14 +279,14 @@ def _at_tip(p: Parameters, name: str, line: list[tuple[float, float]]) -> bool:
     return threshold is not None and abs(speed - threshold) < AT_TIP * threshold
 
 
-def phase_diagram(
+def diagram_of_columns(
     p: Parameters,
     name: str,
     values: Array,
     speeds: Array,
     columns: tuple[Column, ...],
     watch: Watch = unwatched,
-) -> PhaseDiagram:
+) -> DiagramSolution:
     """The diagram of finished columns, with its fold line and the tips of the bistable region."""
     lines: list[tuple[tuple[float, float], ...]] = []
     problems = [f"branch at {name} = {c.value:.6g}: {c.problem}" for c in columns if c.problem]
@@ -298,7 +304,9 @@ def phase_diagram(
         threshold = onset_speed(p.replace(**{name: value}))
         if threshold is not None:
             tips.append((value, threshold))
-    return PhaseDiagram(name, values, speeds, columns, tuple(lines), tuple(tips), tuple(problems))
+    return DiagramSolution(
+        name, values, speeds, columns, tuple(lines), tuple(tips), tuple(problems)
+    )
 
 
 def _on_line(line: tuple[tuple[float, float], ...], value: float, speed: float) -> bool:

@@ -1,4 +1,4 @@
-"""What a long computation tells whoever waits for it."""
+"""Progress of a long computation."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Progress:
-    """One step of a long computation: what is under way, where, how finely, how far.
+    """One step of a long computation: the task, where it is, how finely resolved, how far.
 
     `value` is that of the parameter `name` at the latest point of a branch, `modes` the length of
-    its series and `points` the number of points so far.
+    its series and `points` the number of points so far; 0 where a step has none of them.
     """
 
     task: str
@@ -22,8 +22,8 @@ class Progress:
 
 
 Watch = Callable[[Progress], None]
-"""Called with every step as it is made."""
+"""A callback that gets every step."""
 
 
 def unwatched(_: Progress) -> None:
-    """Tell nobody."""
+    """No-op callback."""

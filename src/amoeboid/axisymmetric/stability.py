@@ -20,9 +20,9 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.force_balance import refuse_cue
-from amoeboid.axisymmetric.harmonics import Harmonics, harmonics
+from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
-from amoeboid.axisymmetric.steady import SteadyState, homogeneous
+from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import finite_pressure_rates
 from amoeboid.model.natural_units import natural_units
@@ -83,10 +83,10 @@ class Spectrum:
     m: int
     rates: Array
     modes: Array
-    basis: Harmonics
+    basis: HarmonicBasis
 
 
-def degree_for(state: SteadyState) -> int:
+def degree_for(state: SteadySolution) -> int:
     """Degree of harmonics that resolves what the state's own series does, and what grows.
 
     That is as far as the modes of the sphere tell, and up to MAX_GROWING.
@@ -108,7 +108,7 @@ def highest_growing(p: Parameters) -> int:
     return int(growing[-1]) if growing.size else 0
 
 
-def spectrum(state: SteadyState, m: int, degree: int | None = None) -> Spectrum:
+def spectrum(state: SteadySolution, m: int, degree: int | None = None) -> Spectrum:
     """Growth rates of perturbations exp(i m phi) about a converged steady state.
 
     Raises InvalidInput if the state is not converged.
@@ -121,7 +121,7 @@ def spectrum(state: SteadyState, m: int, degree: int | None = None) -> Spectrum:
     return Spectrum(m, unit * rates[order], complement @ modes[:, order], basis)
 
 
-def growth_rates(state: SteadyState, m: int, degree: int | None = None) -> Array:
+def growth_rates(state: SteadySolution, m: int, degree: int | None = None) -> Array:
     """The rates of `spectrum` alone, fastest first; cheaper."""
     matrix, removed, _ = reduced_matrix(state, m, degree or degree_for(state))
     complement = _complement(removed)
@@ -135,7 +135,7 @@ def _complement(removed: Array) -> Array:
     return np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
 
 
-def unstable_modes(state: SteadyState, degree: int | None = None) -> dict[int, int]:
+def unstable_modes(state: SteadySolution, degree: int | None = None) -> dict[int, int]:
     """Number of growing modes for m = 0, 1, 2, 3 (for m > 0 per sense of rotation)."""
     p = state.parameters
     return {m: count_unstable(growth_rates(state, m, degree), p) for m in AZIMUTHAL_NUMBERS}
@@ -168,7 +168,9 @@ def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
     return matrix[np.ix_(kept, kept)]
 
 
-def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Array, Harmonics]:
+def reduced_matrix(
+    state: SteadySolution, m: int, degree: int
+) -> tuple[Array, Array, HarmonicBasis]:
     """(A, removed, basis): A is the rate of (h, c'); `removed` spans what the spectrum leaves out.
 
     Both in the natural units of the cell.
@@ -193,7 +195,7 @@ def reduced_matrix(state: SteadyState, m: int, degree: int) -> tuple[Array, Arra
     return matrix, removed, basis
 
 
-def base_fields(state: SteadyState, basis: Harmonics) -> Base:
+def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
     """The fields of a steady state that the linearization needs, at the nodes of the basis."""
     n, scale, p = state.n, state.length_scale, state.parameters
     a_psi, a_u, a_c, scalars = split(state.x, n)
@@ -240,7 +242,7 @@ class Trial:
     tilt: Array
 
 
-def _trial_velocities(base: Base, basis: Harmonics, scale: float) -> Trial:
+def _trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
     m = int(basis.degrees[0])
     tangent = slice(1, None) if m == 0 else slice(None)
     P, slope, over = basis.values, basis.slopes[:, tangent], basis.over_sine[:, tangent]
@@ -277,7 +279,7 @@ class Perturbed:
     wave: Array
 
 
-def _perturbed_fields(base: Base, basis: Harmonics, scale: float) -> Perturbed:
+def _perturbed_fields(base: Base, basis: HarmonicBasis, scale: float) -> Perturbed:
     none = np.zeros_like(basis.values)
     slopes = basis.slopes / scale
     return Perturbed(
@@ -387,7 +389,7 @@ def _rates(
 def _removed(
     beta: float,
     base: Base,
-    basis: Harmonics,
+    basis: HarmonicBasis,
     mass: Array,
     rigid: list[tuple[Array, Array, Array]],
 ) -> Array:

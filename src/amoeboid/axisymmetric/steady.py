@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric import observables
+from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.force_balance import (
     axial_strength,
     forces,
@@ -41,6 +41,7 @@ from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
+from amoeboid.observables import Measured
 
 MODES = 32
 MAX_MODES = 256
@@ -49,7 +50,7 @@ STRONG = 5e-9
 
 
 @dataclass(frozen=True)
-class Scales:
+class Magnitudes:
     """Typical magnitudes of the unknowns and of the equations at one parameter point."""
 
     speed: float
@@ -58,8 +59,8 @@ class Scales:
     rate: float
 
     @classmethod
-    def of(cls, p: Parameters) -> Scales:
-        """Scales from the homogeneous sphere."""
+    def of(cls, p: Parameters) -> Magnitudes:
+        """Magnitudes from the homogeneous sphere."""
         concentration = p.c0 if p.c0 > 0 else p.c_r
         frequency = p.beta + p.D / p.R0**2
         speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
@@ -84,9 +85,9 @@ class SteadySystem:
     cue: Cue | None = None
 
     @cached_property
-    def scales(self) -> Scales:
+    def scales(self) -> Magnitudes:
         """Typical magnitudes at the parameter point that the system was made with."""
-        return Scales.of(self.parameters)
+        return Magnitudes.of(self.parameters)
 
     @cached_property
     def row_scales(self) -> Array:
@@ -171,8 +172,10 @@ def equations(n: int, f: Fields, p: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class SteadyState:
+class SteadySolution(Measured):
     """A steady state, or an attempt at one: it is a solution only if `converged`.
+
+    Every observable is an attribute: `max_retrograde_speed`, `polarity`.
 
     `x` is the vector of unknowns of n modes (module docstring); `residuals` the scaled root mean
     squares that Newton's method went through; `message` says why it is not converged; `cue` is the
@@ -187,7 +190,7 @@ class SteadyState:
     message: str = ""
     cue: Cue | None = None
 
-    def in_units(self, units: Units) -> SteadyState:
+    def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
         speed, concentration = units.of("L/T"), units.of("N/L^2")
         scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
@@ -224,52 +227,15 @@ class SteadyState:
         """Retrograde flow u at scaled arclengths x, positive towards x = pi [length/time]."""
         return odd_basis(np.asarray(x, dtype=float), self.n) @ split(self.x, self.n)[1]
 
-    @property
-    def max_retrograde_speed(self) -> float:
-        """Maximum of |u| over the surface, not only over grid points [length/time]."""
-        return series_maximum(split(self.x, self.n)[1])
-
-    @property
-    def c_front(self) -> float:
-        """Lowest c on the surface [1/length^2]; at the front pole of a polarized cell."""
-        return observables.cosine_extrema(split(self.x, self.n)[2])[0]
-
-    @property
-    def c_rear(self) -> float:
-        """Highest c on the surface [1/length^2]; at the rear pole of a polarized cell."""
-        return observables.cosine_extrema(split(self.x, self.n)[2])[1]
-
-    @property
-    def filament_number(self) -> float:
-        """Total number of filaments, the integral of c over the surface [1]."""
-        return observables.integral(self.shape, self._c)
-
-    @property
-    def polarity(self) -> float:
-        """|integral of c r dA| / (R0 integral of c dA), about the center of volume."""
-        return observables.polarity(self.shape, self._c, self.parameters.R0)
-
-    @property
-    def reduced_volume(self) -> float:
-        """Volume over that of the sphere of radius R0."""
-        return observables.reduced_volume(self.shape, self.parameters.R0)
-
-    @property
-    def area_error(self) -> float:
-        """|A/A0 - 1|."""
-        return abs(float(self.shape.area[0]) / (4.0 * np.pi * self.parameters.R0**2) - 1.0)
-
-    @property
-    def cortex_drag_speed(self) -> float:
-        """Speed if all drag is on the cortex, uniformly; `observables.cortex_drag_speed`."""
-        u = fields_of(self.x, self.n).u
+    @cached_property
+    def cell(self) -> AxisymmetricCell:
+        """The state as observables see it, in the frame in which the shape rests."""
+        f = fields_of(self.x, self.n)
         point = SteadySystem(self.parameters, self.n, cue=self.cue).point(np.zeros(0))
-        v_p = speed(self.shape, self._c, point)
-        return observables.cortex_drag_speed(self.shape, u, np.zeros(self.n), v_p)
-
-    @property
-    def _c(self) -> Array:
-        return fields_of(self.x, self.n).c
+        speeds = speed(self.shape, f.c, point)
+        return AxisymmetricCell(
+            self.parameters, self.shape, f.c, f.u, np.zeros(self.n), speeds, self.zeta0
+        )
 
     def position(self, x: Array) -> tuple[Array, Array]:
         """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
@@ -288,36 +254,13 @@ class SteadyState:
         """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""
         return self.position(np.linspace(0.0, np.pi, count))
 
-    @property
-    def deformation(self) -> float:
-        """Largest deviation of the distance from the center of volume from R0, over R0."""
-        r, z = self.outline(2001)
-        slices = r**2
-        center = np.trapezoid(z * slices, z) / np.trapezoid(slices, z)
-        return float(np.max(np.abs(np.hypot(r, z - center) / self.parameters.R0 - 1.0)))
 
-
-def series_maximum(coefficients: Array) -> float:
-    """Largest |sum_k a_k sin(k x)| on [0, pi]: the best of a fine grid, polished by Newton."""
-    k = np.arange(1, coefficients.size + 1)
-    x = np.linspace(0.0, np.pi, 16 * coefficients.size + 1)
-    values = np.sin(np.outer(x, k)) @ coefficients
-    best = x[np.argmax(np.abs(values))]
-    value = float(np.abs(values).max())
-    for _ in range(3):
-        slope = np.cos(k * best) @ (k * coefficients)
-        bend = -np.sin(k * best) @ (k * k * coefficients)
-        best -= slope / bend if bend != 0 else 0.0
-    polished = float(abs(np.sin(k * best) @ coefficients))
-    return polished if value <= polished <= 1.01 * value else value
-
-
-def homogeneous(p: Parameters, n: int = MODES) -> SteadyState:
+def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
     zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
     """
-    return SteadyState(p, n, homogeneous_unknowns(p, n), True, (0.0,))
+    return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
 
 def homogeneous_unknowns(p: Any, n: int) -> Array:
@@ -329,7 +272,7 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadyState, cue: Cue | None = None) -> SteadyState:
+def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
     `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1). Raises
@@ -347,12 +290,12 @@ def steady_state(p: Parameters, guess: SteadyState, cue: Cue | None = None) -> S
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
             why = f"Newton stalled; {advice}"
-            return SteadyState(p, n, found.x, False, history, why, cue)
+            return SteadySolution(p, n, found.x, False, history, why, cue)
         if system.resolved(found.x, np.zeros(0)):
-            return SteadyState(p, n, found.x, True, history, cue=cue)
+            return SteadySolution(p, n, found.x, True, history, cue=cue)
         if 2 * n > MAX_MODES:
             advice = f"{n} modes do not resolve the state; raise D"
-            return SteadyState(p, n, found.x, False, history, advice, cue)
+            return SteadySolution(p, n, found.x, False, history, advice, cue)
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
@@ -367,7 +310,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
     )
 
 
-def strong_residual(state: SteadyState, finer: int = 3) -> float:
+def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
     Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each

@@ -14,6 +14,7 @@ from typing import Any
 from amoeboid.cli import output
 from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED, USER_MISTAKE
 from amoeboid.cli.output import tell, warnings_told
+from amoeboid.terminal import write
 from amoeboid.validation import InvalidInput
 
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
@@ -86,10 +87,10 @@ def _parser() -> argparse.ArgumentParser:
 class _Parser(argparse.ArgumentParser):
     def _print_message(self, message: str, file: Any = None) -> None:
         if file is sys.stdout:
-            output.write(file, message)
+            write(file, message)
         else:
             with suppress(OSError):
-                output.write(sys.stderr, message)
+                write(sys.stderr, message)
 
 
 class _Version(argparse.Action):

@@ -12,9 +12,10 @@ import sys
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import Any
 
-ERASE = "\r\x1b[K"  # to the beginning of the line of a terminal, and clear what follows
+from amoeboid.terminal import ERASE, is_terminal, write
+
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x1f\x7f-\x9f]")
 
 
@@ -69,30 +70,6 @@ def open_streams() -> None:
         if getattr(sys, name) is None:
             stream = open(number, "w", errors="backslashreplace", closefd=False)  # noqa: SIM115
             setattr(sys, name, stream)
-
-
-def is_terminal(stream: TextIO | None) -> bool:
-    """Whether lines that are written to a stream can be erased again."""
-    plain = os.environ.get("TERM") in ("dumb", "unknown")
-    return stream is not None and stream.isatty() and not plain
-
-
-def write(stream: TextIO | None, text: str) -> None:
-    """Write text to a standard stream at once. What no reader is left for, is dropped.
-
-    Raises OSError, once, if there is no room for it.
-    """
-    if stream is None:
-        return
-    try:
-        stream.write(text)
-        stream.flush()
-    except OSError as error:
-        # what is left in its buffer would be tried again when Python ends
-        with suppress(OSError):
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-        if not isinstance(error, BrokenPipeError):
-            raise
 
 
 def _as_they_are(lines: Iterable[str]) -> str:

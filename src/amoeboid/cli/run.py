@@ -3,32 +3,28 @@
 from __future__ import annotations
 
 import argparse
-import math
 import shlex
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn
-from amoeboid.cli.progress import shown_line
 from amoeboid.cli.settings import add_settings, field_table, print_json
 from amoeboid.cli.tables import number, table, width
-from amoeboid.config import Config, anchored, config_from_toml, shortest_step, with_settings
+from amoeboid.config import Config, anchored, config_from_toml, with_settings
 from amoeboid.validation import InvalidInput, is_text
 
 if TYPE_CHECKING:
-    from amoeboid.output.folder import Run
-    from amoeboid.simulation.loop import Step
+    from amoeboid.output.folder import RunFolder
+    from amoeboid.simulation.step import Step
 
-SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
-FINISHED, DIVERGED = 0, 1
-INTERRUPTION = "interrupted"
-EXIT_CODES = {"finished": FINISHED, "diverged": DIVERGED, "interrupted": INTERRUPTED}
+EXIT_CODES = {"finished": 0, "diverged": 1, "interrupted": INTERRUPTED}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,6 +47,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--resume", type=_path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
     )
+    parser.add_argument(
+        "--until",
+        dest="until",
+        action="append",
+        default=[],
+        metavar="CONDITION",
+        help="also end the run once this holds ('polarity > 0.5', 'c_front < 0.1*c0 and t > 5'); "
+        "repeatable",
+    )
     add_settings(parser)
     parser.epilog = (
         f"fields, their defaults and meanings:\n{field_table()}\n\n"
@@ -70,15 +75,18 @@ def _path(text: str) -> Path:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the simulation; returns the exit code."""
+    from amoeboid.runs.advance import FINISHED, advance_in_folder
+    from amoeboid.runs.progress import reported
+
     if args.resume is not None and (args.config is not None or args.output is not None):
         raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
-    with run.failure_recorded():
-        last, status, why = _simulate(run, first)
-        summary = _summary(run, last, time.perf_counter() - began)
-        run.write_manifest(status, ended=why, t=last.state.t, summary=summary)
-    if status != "finished":
+    start, end = first.state.t, run.config.time.end
+    with _interruptible() as interruption, reported(start, end) as report:
+        outcome, summary = advance_in_folder(run, first, [interruption], report, began)
+    last, status, why = outcome.last, outcome.status, outcome.ended
+    if status != FINISHED:
         tell("run", f"{status}: {why}")
         tell("run", f"the last good state is in {run.folder}")
     if args.json:
@@ -88,35 +96,6 @@ def execute(args: argparse.Namespace) -> int:
         _print_summary(summary, last, why)
     _draw(run, last)
     return EXIT_CODES[status]
-
-
-def _summary(run: Run, last: Step, wall_s: float) -> dict[str, Any]:
-    # the latest row is that of `last`: rows are appended step by step
-    return {name: run.rows[-1][name] for name in SUMMARY} | {
-        "steps": last.number,
-        "wall_s": round(wall_s, 3),
-        "steady": last.steady,
-        "stability": last.stability,
-        "stability_problem": last.stability_problem or None,
-        "growth_rate": last.growth,
-        "growth_rate_error": last.growth_error,
-        "rate_of_change": last.rate * last.model.rate,
-        "speed_growth": _speed_growth(run.rows, 1.0 / last.model.rate),
-        "output": str(run.folder),
-    }
-
-
-def _speed_growth(rows: Sequence[dict[str, float]], unit: float) -> float | None:
-    """Relative growth of max_retrograde_speed at the end [1/T], None for a cell without flow.
-
-    Over the last half of a unit of time: the last step may be too short to tell.
-    """
-    last = rows[-1]
-    first = next((row for row in reversed(rows) if row["t"] <= last["t"] - 0.5 * unit), rows[0])
-    a, b = (row["max_retrograde_speed"] for row in (first, last))
-    if min(a, b) <= 0.0 or not last["t"] > first["t"]:
-        return None
-    return math.log(b / a) / (last["t"] - first["t"])
 
 
 def _change(summary: dict[str, Any], why: str, t: float) -> str:
@@ -134,8 +113,9 @@ def _change(summary: dict[str, Any], why: str, t: float) -> str:
     return text
 
 
-def _started(args: argparse.Namespace) -> tuple[Run, Step]:
-    from amoeboid.output.folder import new_folder, new_run, text_of
+def _started(args: argparse.Namespace) -> tuple[RunFolder, Step]:
+    from amoeboid.output.atomic import text_of
+    from amoeboid.output.folder import new_folder, new_run
     from amoeboid.simulation.loop import start
 
     config = Config()
@@ -143,11 +123,16 @@ def _started(args: argparse.Namespace) -> tuple[Run, Step]:
         config = anchored(
             config_from_toml(text_of(args.config), repr(str(args.config))), args.config.parent
         )
-    config = with_settings(config, args.settings)
+    config = _until(with_settings(config, args.settings), args.until)
     first = start(config)
     run = new_run(new_folder(args.output), config, first.adapted)
     _tell_adaptation(first, args.json)
     return run, first
+
+
+def _until(config: Config, conditions: Sequence[str]) -> Config:
+    until = (*config.time.until, *conditions)
+    return replace(config, time=replace(config.time, until=until))
 
 
 def _tell_adaptation(first: Step, as_json: bool) -> None:
@@ -159,10 +144,11 @@ def _tell_adaptation(first: Step, as_json: bool) -> None:
         tell("run", f"initial shape: {text}")
 
 
-def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
+def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
+    from amoeboid.runs.continuing import ended_already, least_end
 
-    config = with_settings(stored_config(args.resume), args.settings)
+    config = _until(with_settings(stored_config(args.resume), args.settings), args.until)
     if not has_checkpoint(args.resume):
         run, first = restarted_run(args.resume, config)
         ended = f"the run in {args.resume} had ended before its first checkpoint: it begins anew"
@@ -170,12 +156,14 @@ def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
         run.begin()
         return run, first
     run, first = resumed_run(args.resume, config)
-    if first.steady and config.time.stop_when_steady:
+    done = ended_already(first, run.config.time)
+    if done is not None:
+        remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has ended steady at t = {first.state.t:g}; "
-            "to go on, --set time.stop_when_steady=false"
+            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; "
+            f"to go on, --set {remedy}"
         )
-    least = first.state.t + shortest_step(run.config)
+    least = least_end(first, run.config.time)
     if not run.config.time.end > least:
         raise InvalidInput(
             f"to go on with the run in {str(args.resume)!r} time.end must be > {least:.9g}, got "
@@ -185,33 +173,15 @@ def _resumed(args: argparse.Namespace) -> tuple[Run, Step]:
     return run, first
 
 
-def _simulate(run: Run, first: Step) -> tuple[Step, str, str]:
-    """Step until the end; returns the last good step, the status and why it ended."""
-    from amoeboid.simulation.loop import Diverged, evolve
-
-    last, status, why = first, "finished", ""
-    if not run.frame_times:
-        run.take(first)
-    try:
-        with _interruptible() as interruption, _progress(run) as report:
-            for step in evolve(first, run.config.time, [interruption]):
-                last, why = step, step.ended or ""
-                report(run.take(step))
-    except Diverged as error:
-        status, why = "diverged", str(error)
-    if why == INTERRUPTION:
-        status, why = "interrupted", f"stopped at t = {last.state.t:.6g}"
-    run.save(last)
-    return last, status, why
-
-
 @contextmanager
 def _interruptible() -> Iterator[Callable[[Step], str | None]]:
-    """Let Ctrl-C and SIGTERM (a cluster's time limit) end the run after the present step.
+    """An event: Ctrl-C and SIGTERM (a cluster's time limit) end the run after the present step.
 
     An exception in the middle of compiled code would be lost or leave half a step. A second
     signal ends the program at once.
     """
+    from amoeboid.runs.advance import INTERRUPTION
+
     received: list[int] = []
 
     def take(number: int, _: object) -> None:
@@ -228,42 +198,10 @@ def _interruptible() -> Iterator[Callable[[Step], str | None]]:
             signal.signal(number, handler)
 
 
-@contextmanager
-def _progress(run: Run) -> Iterator[Any]:
-    """Progress on standard error; yields a function that takes rows of the time series."""
-    began, start, end = time.monotonic(), run.rows[-1]["t"], run.config.time.end
-
-    with shown_line() as show:
-
-        def report(row: dict[str, float] | None) -> None:
-            if show is None or row is None:
-                return
-            done = max(row["t"] - start, 0.0) / (end - start)
-            left = (time.monotonic() - began) * (1.0 / done - 1.0) if done > 0.0 else math.inf
-            show(
-                (
-                    f"t = {number(row['t'], 4)} of at most {number(end)}",
-                    f"speed {number(row['max_retrograde_speed'], 4)}",
-                    f"dt {number(row['dt'], 3)}",
-                    f"at most {_duration(left)} left",
-                )
-            )
-
-        yield report
-
-
-def _duration(seconds: float) -> str:
-    """Hours, minutes and seconds."""
-    if not seconds < 1e6:
-        return "some time"
-    minutes, rest = divmod(round(seconds), 60)
-    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"
-
-
-def _draw(run: Run, last: Step) -> None:
-    from amoeboid.output.folder import POSITION
+def _draw(run: RunFolder, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
+    from amoeboid.simulation.timeseries import POSITION
 
     times = [row["t"] for row in run.rows]
     positions = [[row[k] for k in POSITION] for row in run.rows]
@@ -292,7 +230,7 @@ def _stability(last: Step) -> str:
 
 
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
-    from amoeboid.observables import UNITS
+    from amoeboid.observables import units as observable_units
 
     meanings = {
         "max_retrograde_speed": "fastest flow along the surface",
@@ -301,7 +239,8 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         "zeta0": "membrane tension",
         "area_error": "relative change of the membrane area",
     }
-    units = {name: "" if UNITS[name] == "1" else UNITS[name] for name in meanings}
+    known = observable_units(meanings)
+    units = {name: "" if known[name] == "1" else known[name] or "" for name in meanings}
     rows = [(name, number(summary[name]), units[name], meanings[name]) for name in meanings]
     say(*table(("", "", "", ""), rows, "<<<<", width()))
     say(_stability(last))

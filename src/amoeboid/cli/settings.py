@@ -9,6 +9,7 @@ from dataclasses import fields
 from typing import Any
 
 from amoeboid.cli.output import say
+from amoeboid.cli.tables import width
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
@@ -18,6 +19,7 @@ ANY_FIELD = " or any other field of the configuration (time.end=50)"
 
 # nan and inf are numbers that every option refuses with its own range.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf)", re.ASCII)
+QUANTITY = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)? ?[A-Za-z\u00b5\u03bc(*/].*")
 WHOLE_NUMBER = re.compile(r"[+-]?\d{1,18}", re.ASCII)
 
 
@@ -53,16 +55,49 @@ def whole(text: str) -> int:
     return int(text)
 
 
+def number_or_quantity(text: str) -> float | str:
+    """An option's number, or a quantity with a unit such as "2 um/s", as it is written."""
+    return text.strip() if QUANTITY.fullmatch(text.strip()) else real(text)
+
+
 def add_parameters(parser: argparse.ArgumentParser) -> None:
-    """The same for a command that uses parameters alone."""
+    """The same for a command that uses parameters alone, and `--physical`."""
     add_settings(parser, "")
+    parser.add_argument(
+        "--physical",
+        action="store_true",
+        help="start from the paper's cell in physical units; --set then takes a number with its "
+        "unit ('v_p0=2 um/s', 'c_r=8.5 umol/l * 190 nm'), and results are in um/s, 1/s, Pa",
+    )
+
+
+def add_observables(parser: argparse.ArgumentParser) -> None:
+    """Add `--observe NAME` (repeatable)."""
+    parser.add_argument(
+        "--observe",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="also show this observable (polarity, reduced_volume, or your own); repeatable",
+    )
+
+
+def observables_shown(args: argparse.Namespace) -> tuple[str, ...]:
+    """The observables that tables show, those of `--observe` last. Raises InvalidInput."""
+    from amoeboid.studies import observed
+    from amoeboid.studies.states import SHOWN
+
+    return tuple(dict.fromkeys((*SHOWN, *observed.checked(args.observe))))
 
 
 def only_parameters(args: argparse.Namespace) -> Parameters:
     """The parameters that `--set` gives, starting from the paper's parameter table.
 
-    Raises InvalidInput for any other field of the configuration: it would change nothing.
+    With `--physical` they start from the paper's cell, and values have units. Raises InvalidInput
+    for any other field of the configuration: it would change nothing.
     """
+    if args.physical:
+        return Parameters.physical(**quantities(args.settings))
     start = Config(parameters=Parameters())
     for setting in args.settings:
         section, dot, _ = setting.partition("=")[0].strip().partition(".")
@@ -73,6 +108,24 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
                 "it; leave it out"
             )
     return with_settings(start, args.settings).parameters
+
+
+def quantities(settings: list[str]) -> dict[str, str]:
+    """{name: text} from name=value settings; values keep their units. Raises InvalidInput."""
+    found = {}
+    for setting in settings:
+        name, equals, text = setting.partition("=")
+        if not equals or not name.strip() or not text.strip():
+            raise InvalidInput(f"--set takes name=value, got {setting!r}")
+        found[name.strip()] = text.strip()
+    return found
+
+
+def say_parameters(p: Parameters) -> None:
+    """Print the parameters that count, in one line or, where it is too narrow, in several."""
+    limit = width()
+    fits = limit is None or len(p.description) <= limit
+    say(*([p.description] if fits else p.description.split(", ")), "")
 
 
 def print_json(result: dict[str, Any]) -> None:

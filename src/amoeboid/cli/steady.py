@@ -3,25 +3,37 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
 from amoeboid.cli.progress import shown
-from amoeboid.cli.settings import add_parameters, only_parameters, print_json
-from amoeboid.cli.tables import number, percent, table, width
+from amoeboid.cli.settings import (
+    add_observables,
+    add_parameters,
+    observables_shown,
+    only_parameters,
+    print_json,
+    say_parameters,
+)
+from amoeboid.cli.tables import table, width
+
+if TYPE_CHECKING:
+    from amoeboid.studies.states import SteadyState, SteadyStates
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `steady`."""
     add_parameters(parser)
+    add_observables(parser)
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw the states (.png .pdf .svg)"
     )
     parser.epilog = (
         "Searched: the branches that bifurcate from the homogeneous sphere in l = 1, 2, 3.\n"
-        "c front and c rear: the lowest and the highest concentration on the surface.\n"
+        "c_front and c_rear: the lowest and the highest concentration on the surface.\n"
         "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays.\n"
         f"{PLOT_FAILS}"
     )
@@ -29,54 +41,47 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Search, print, draw."""
-    from amoeboid.axisymmetric.stability import unstable_modes
-    from amoeboid.axisymmetric.states import steady_states
+    from amoeboid.studies.states import states_rows, steady_states
 
-    p = only_parameters(args)
+    p, names = only_parameters(args), observables_shown(args)
     check_picture(args.plot)
     with shown() as watch:
         found = steady_states(p, watch=watch)
-    unstable = [unstable_modes(s) for s in found.states]
-    rows = [_row(s, u) for s, u in zip(found.states, unstable, strict=True)]
     for problem in found.problems:
         tell("steady", problem)
     if not found.complete:
         advice = "smoother states are easier: a larger D or delta_P, v_p0 nearer the threshold"
         tell("steady", f"states may be missing; {advice}")
     if args.json:
-        print_json({"states": rows, "complete": found.complete, "problems": list(found.problems)})
+        print_json(_document(found, names))
     else:
-        _print_table(rows)
+        say_parameters(p)
+        titles, rows = states_rows(found.states, names)
+        say(*table(titles, rows, limit=width()))
     if args.plot is None:
         return 0
-    from amoeboid.plotting.branches import draw_states
+    from amoeboid.plotting import branches
 
-    stable = [not any(u.values()) for u in unstable]
-    states = list(zip(found.states, stable, strict=True))
-    return 0 if drawn("steady", args.plot, lambda path: draw_states(states, path)) else NO_PICTURE
+    succeeded = drawn("steady", args.plot, lambda path: branches.write_states(found, path))
+    return 0 if succeeded else NO_PICTURE
 
 
-def _row(state: Any, unstable: dict[int, int]) -> dict[str, Any]:
-    return {
-        "max_retrograde_speed": state.max_retrograde_speed,
-        "c_front": state.c_front,
-        "c_rear": state.c_rear,
-        "zeta0": state.zeta0,
-        "stable": not any(unstable.values()),
-        "unstable_modes": {str(m): count for m, count in unstable.items()},
-        "deformation": state.deformation,
-        "modes": state.n,
+def _document(found: SteadyStates, names: Sequence[str]) -> dict[str, Any]:
+    from amoeboid.studies.states import physical_units
+
+    document: dict[str, Any] = {
+        "states": [_row(state, names) for state in found],
+        "complete": found.complete,
+        "problems": list(found.problems),
     }
+    units = physical_units(found.parameters, names)
+    return document | ({"units": units} if units else {})
 
 
-def _print_table(rows: list[dict[str, Any]]) -> None:
-    titles = ("v_0", "c front", "c rear", "zeta_0", "deformation", "unstable m = 0 1 2 3")
-    cells = [
-        (
-            *(number(row[k]) for k in ("max_retrograde_speed", "c_front", "c_rear", "zeta0")),
-            percent(row["deformation"]),
-            "stable" if row["stable"] else " ".join(map(str, row["unstable_modes"].values())),
-        )
-        for row in rows
-    ]
-    say(*table(titles, cells, limit=width()))
+def _row(state: SteadyState, names: Sequence[str]) -> dict[str, Any]:
+    return {
+        **state.plain(names),
+        "stable": state.stable,
+        "unstable_modes": {str(m): count for m, count in state.unstable_modes.items()},
+        "modes": state.solution.n,
+    }

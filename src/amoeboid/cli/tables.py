@@ -7,9 +7,9 @@ import shutil
 import sys
 from collections.abc import Sequence
 
+from amoeboid.display import GAP, text_table
+
 DIGITS = 6  # significant digits of a number
-ROUNDING = 1e-12  # of a share; smaller ones are the rounding of the numbers it is made from
-GAP = "  "
 
 
 def text(value: object, digits: int = DIGITS) -> str:
@@ -26,11 +26,6 @@ def text(value: object, digits: int = DIGITS) -> str:
 def number(value: float, digits: int = DIGITS) -> str:
     """A number with `digits` significant digits, whatever its size; zero without a sign."""
     return f"{value + 0.0:.{digits}g}"
-
-
-def percent(share: float, digits: int = DIGITS) -> str:
-    """A share in percent, with `digits` significant digits; 0 where it is rounding alone."""
-    return f"{number(100 * share if abs(share) > ROUNDING else 0.0, digits)} %"
 
 
 def width() -> int | None:
@@ -55,23 +50,10 @@ def table(
     `align` has a `<` for each column that is set to the left; further ones are set to the right.
     Where the first title is empty, the first cell is the heading of its row.
     """
-    align = align.ljust(len(titles), ">")
-    lines = _beside(titles, rows, align)
+    lines = text_table(titles, rows, align)
     if limit is None or max(map(len, lines)) <= limit:
         return lines
     return _below(titles, rows)
-
-
-def _beside(titles: Sequence[str], rows: Sequence[Sequence[str]], align: str) -> list[str]:
-    widths = [max(map(len, column)) for column in zip(titles, *rows, strict=True)]
-
-    def line(cells: Sequence[str]) -> str:
-        return GAP.join(
-            f"{cell:{side}{size}}" for cell, side, size in zip(cells, align, widths, strict=True)
-        ).rstrip()
-
-    head = [line(titles), GAP.join("-" * size for size in widths)] if any(titles) else []
-    return [*head, *map(line, rows)]
 
 
 def _below(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:

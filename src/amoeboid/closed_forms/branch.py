@@ -54,7 +54,7 @@ OTHER_MODES = (2, 3, 4, 5, 6)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Branch:
+class BranchExpansion:
     """v_p0 = v_p_critical + v_2 a^2 + v_4 a^4 [L/T]; a in [N/L^2]."""
 
     v_p_critical: Array
@@ -93,7 +93,7 @@ class Prediction:
 
 
 @finite_result
-def branch(p: Points) -> Branch:
+def branch(p: Points) -> BranchExpansion:
     """The branch to fourth order in a, for any law; v_p0 of p is not used.
 
     The derivatives with respect to v_p0 are five-point differences. Raises InvalidInput without a
@@ -201,7 +201,7 @@ class _Onset:
     stable: the branch starts upwards, stable.
     """
 
-    branch: Branch
+    branch: BranchExpansion
     form: NormalForm
     second_rate: Array
     nearness: Array
@@ -218,7 +218,7 @@ def _onset(p: Points) -> _Onset:
     v_4 = -(form.nu_5 + nu_slope * v_2 + curvature * v_2**2 / 2) / slope
     star = critical_pressure(p)
     return _Onset(
-        branch=Branch(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4),
+        branch=BranchExpansion(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4),
         form=form,
         second_rate=second_harmonic(at).rate_at_rest,
         nearness=_ratio(star, np.maximum(star, p.delta_P)),

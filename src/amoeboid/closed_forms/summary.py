@@ -24,10 +24,12 @@ from amoeboid.closed_forms.linear import (
     thresholds,
 )
 from amoeboid.closed_forms.points import infinite_pressure
+from amoeboid.display import shown
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
 L_MAX = 6
+NU = "L^4/(T N^2)"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +87,7 @@ def summary(p: Parameters) -> Summary:
     first = first_mode(p, L_MAX)
     growing = [l for l, (slow, _) in finite.items() if slow.real > 0]
     weakly, notes = _weakly(p, found)
-    notes += _first_mode_notes(first, found, weakly)
+    notes += _first_mode_notes(p, first, found, weakly)
     speed, more = _speed(p.v_p0, growth_rates[1], growing, weakly)
     return Summary(
         zeta0=float(base_tension(p)),
@@ -114,7 +116,7 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
     if kind != rigid_kind:
         notes.append(
             f"the bifurcation is {kind} at this pressure and {rigid_kind} for delta_P -> infinity, "
-            f"where nu is {float(rigid.nu):.6g}"
+            f"where nu is {shown(p.quantity(float(rigid.nu), NU))}"
         )
     return (
         Weakly(
@@ -136,15 +138,18 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
 
 
 def _first_mode_notes(
-    first: FirstMode | None, found: Thresholds, weakly: Weakly | None
+    p: Parameters, first: FirstMode | None, found: Thresholds, weakly: Weakly | None
 ) -> list[str]:
     """What follows where a mode l >= 2 goes unstable before mode 1, or alone."""
     if first is None or first.l == 1:
         return []
     state = "symmetric from front to rear" if first.l % 2 == 0 else "of another symmetry"
-    before = f"before mode 1 at {found.v_p0[0]:.6g}" if found.v_p0.size else "and mode 1 never does"
+    own = shown(p.quantity(first.v_p0, "L/T"))
+    before = "and mode 1 never does"
+    if found.v_p0.size:
+        before = f"before mode 1 at {shown(p.quantity(float(found.v_p0[0]), 'L/T'))}"
     notes = [
-        f"mode l = {first.l} goes unstable first, at v_p0 = {first.v_p0:.6g}, {before}: the first "
+        f"mode l = {first.l} goes unstable first, at v_p0 = {own}, {before}: the first "
         f"state is deformed and {state}, not polarized; `amoeboid steady` computes it"
     ]
     if weakly is not None:

@@ -11,6 +11,7 @@ import tomli_w
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.display import html_table, shown
 from amoeboid.model.polymerization import NAMED_LAWS, LawField, law
 from amoeboid.model.specified import declared_dimension, refuse_unwritable
 from amoeboid.model.stress import (
@@ -20,7 +21,7 @@ from amoeboid.model.stress import (
     isotropic_stress,
     stress,
 )
-from amoeboid.model.units import Units, measured, quantity
+from amoeboid.model.units import Units, customary_unit, measured, quantity
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -44,7 +45,7 @@ PAPER_CELL: dict[str, str] = {
     "stress": "none",
 }
 
-_EXAMPLES = {
+EXAMPLES = {
     "L": "10 um",
     "M/(L T^2)": "300 Pa",
     "M/T": "2.7 mPa s m",
@@ -157,7 +158,7 @@ class Parameters(Material):
         plain, own = _split(given)
         relations: dict[str, Any] = {kind: plain.pop(kind) for kind in RELATIONS}
         si: dict[str, Any] = {
-            name: measured(name, value, DIMENSIONS[name], _EXAMPLES[DIMENSIONS[name]])
+            name: measured(name, value, DIMENSIONS[name], EXAMPLES[DIMENSIONS[name]])
             for name, value in plain.items()
         }
         cls(**si)  # refuses values out of range in the user's own numbers
@@ -245,6 +246,51 @@ class Parameters(Material):
             values |= {f"{kind}.{name}": value for name, value in relation.own.items()}
         return values
 
+    @property
+    def description(self) -> str:
+        """The parameters that count: D, v_p0, and what is not as in the paper's table.
+
+        >>> Parameters(v_p0=6.0).description
+        "D = 0.03, v_p0 = 6, all else as in the paper's table"
+        """
+        kept = "the paper's table" if self.units is None else "the paper's cell"
+        named = [f"{name} = {text}" for name, text in self._telling().items()]
+        return ", ".join([*named, f"all else as in {kept}"])
+
+    def __repr__(self) -> str:
+        if self.units is not None:
+            parts = (f"{name}={text!r}" for name, text in self._telling().items())
+            return f"Parameters.physical({', '.join(parts)})"
+        values = self.as_dict()
+        parts = (f"{name}={values[name]!r}" for name in self._telling())
+        return f"Parameters({', '.join(parts)})"
+
+    def _repr_html_(self) -> str:
+        meanings = {f.name: f.metadata.get("doc", "") for f in fields(self)}
+        rows = []
+        for name, value in self.as_dict().items():
+            dimension = self.dimension(name)
+            number, unit = value, dimension or ""
+            if dimension and self.units is not None:
+                number, unit = self.quantity(value, dimension).magnitude, customary_unit(dimension)
+            meaning = meanings.get(name) or "constitutive relation of the cortex"
+            rows.append((name, shown(number), unit, meaning))
+        return html_table("Parameters", rows, ("name", "value", "unit", "meaning"))
+
+    def _telling(self) -> dict[str, str]:
+        """D, v_p0 and what differs from the paper's values, as texts."""
+        usual = (Parameters() if self.units is None else Parameters.physical())._texts()
+        own = self._texts()
+        return {
+            name: text
+            for name, text in own.items()
+            if name in ("D", "v_p0") or text != usual.get(name)
+        }
+
+    def _texts(self) -> dict[str, str]:
+        """All parameters as results show them."""
+        return {name: shown(value) for name, value in self.quantities().items()}
+
 
 PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")
 """What a configuration may name; law and stress have numbers of their own besides."""
@@ -296,7 +342,7 @@ def _own_number(name: str, value: Any, units: Units, spec: Any, named: Mapping[s
             f"{name} must be a number in the units of the cell (R0, 1/beta, eta_s, c_r R0^2), "
             f"got {value!r}: its dimension is not known"
         )
-    return measured(name, value, dimension, _EXAMPLES[dimension]) / units.of(dimension)
+    return measured(name, value, dimension, EXAMPLES[dimension]) / units.of(dimension)
 
 
 def _own_units(si: Mapping[str, float]) -> Units:

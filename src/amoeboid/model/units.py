@@ -15,7 +15,7 @@ from typing import Any
 from amoeboid.validation import InvalidInput
 
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
-_CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg", "N": "1"}
+_CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg"}
 _CUSTOMARY = {"M/(L T^2)": "Pa", "M/T^2": "mN/m", "M/T": "mPa s m", "M L^2/(T^2 N)": "Pa m^3"}
 # Signs of print, and blanks of any width, as the keyboard has them.
 _SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
@@ -116,7 +116,17 @@ def customary_unit(dimension: str) -> str:
     """The unit that cell biologists measure a dimension such as "L/T" in: "um/s"."""
     if dimension in _CUSTOMARY:
         return _CUSTOMARY[dimension]
-    return re.sub(r"[LTMN]", lambda m: _CUSTOMARY_BASE[m.group()], _spelled(dimension))
+    above: list[str] = []
+    below: list[str] = []
+    for symbol, power in exponents(dimension):
+        if symbol != "N":
+            name = _CUSTOMARY_BASE[symbol]
+            side = above if power > 0 else below
+            side.append(name if abs(power) == 1 else f"{name}^{abs(power)}")
+    unit = " ".join(above) or "1"
+    if len(below) > 1:
+        return f"{unit}/({' '.join(below)})"
+    return f"{unit}/{below[0]}" if below else unit
 
 
 def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:

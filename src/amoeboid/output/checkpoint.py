@@ -18,7 +18,12 @@ from amoeboid.config import Config, config_from_toml, config_to_toml, resolved
 from amoeboid.meshes.checks import MAX_NODES, MIN_NODES
 from amoeboid.meshes.connectivity import Connectivity, connectivity
 from amoeboid.meshes.geometry import area, equilateral_edge_length, volume
-from amoeboid.simulation.loop import KEPT, Step, due_times
+from amoeboid.output.atomic import write_atomically
+from amoeboid.output.frames import FrameFiles
+from amoeboid.output.timeseries import TimeSeriesFile
+from amoeboid.simulation.dense_output import Schedule
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.step_length import KEPT
 from amoeboid.surface.explicit import MAX_AREA_ERROR
 from amoeboid.surface.model import Model
 from amoeboid.surface.stability import Growth
@@ -62,6 +67,39 @@ class Checkpoint:
     config: Config
     step: Step
     frame_times: Sequence[float]
+
+
+class CheckpointFile:
+    """Writes a checkpoint whenever frames are due, or its own schedule says so.
+
+    The rows up to it are written first; see `amoeboid.simulation.writers`.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        given: Config,
+        series: TimeSeriesFile,
+        frames: FrameFiles,
+        schedule: Schedule,
+    ) -> None:
+        self.path, self.given, self.schedule = path, given, schedule
+        self._series, self._frames = series, frames
+
+    def due(self, step: Step) -> bool:
+        """Whether a checkpoint is due."""
+        return bool(self._frames.due(step) or self.schedule.due(step.state.t))
+
+    def write(self, step: Step) -> None:
+        """Write the rows, and the checkpoint."""
+        self._series.flush()
+        checkpoint = Checkpoint(self.given, step, self._frames.times)
+        write_atomically(self.path, lambda p: write_checkpoint(p, checkpoint))
+        self.schedule.latest = step.state.t
+
+    def finish(self, step: Step) -> None:
+        """Write the checkpoint of the last step."""
+        self.write(step)
 
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -110,10 +148,13 @@ def read_checkpoint(path: Path) -> Checkpoint:
     step = _step(config, arrays)
     backward = np.diff(frame_times).min(initial=0.0)
     _require(backward == 0, "the times of the frames must be in order", f"a step of {backward:g}")
-    t = step.state.t
-    _require(frame_times[-1] <= t, f"no frame must be later than t = {t!r}", frame_times[-1])
-    due = next(due_times(frame_times[-1], t, resolved(config).output.interval), None)
-    _require(due is None, "frames must have been written as they were due", f"none at {due}")
+    t, latest = step.state.t, frame_times[-1] if frame_times else None
+    _require(latest is None or latest <= t, f"no frame must be later than t = {t!r}", latest)
+    output = resolved(config).output
+    due = Schedule(output.interval, output.times, latest).due(t)
+    _require(
+        not due, "frames must have been written as they were due", f"none at {due[0] if due else t}"
+    )
     return Checkpoint(config, step, frame_times)
 
 
@@ -146,7 +187,7 @@ def _laid_out(arrays: dict[str, Array]) -> dict[str, Array]:
             raise InvalidInput(
                 f"{name} of its checkpoint must be of type {kind.__name__}, got {array.dtype}"
             )
-        fits = array.ndim == len(shape) and array.size > 0
+        fits = array.ndim == len(shape) and (array.size > 0 or name == "frame_times")
         for size, found in zip(shape, array.shape, strict=False):
             fits &= found == (size if isinstance(size, int) else sizes.setdefault(size, found))
         if not fits:

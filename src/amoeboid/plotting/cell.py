@@ -19,9 +19,9 @@ import numpy as np
 
 from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
-from amoeboid.output.folder import write_atomically
+from amoeboid.output.atomic import write_atomically
 from amoeboid.plotting import cell_process
-from amoeboid.simulation.loop import Step
+from amoeboid.simulation.step import Step
 
 MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
 MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few
@@ -48,14 +48,14 @@ def scene(step: Step) -> dict[str, Any]:
     """What the drawing process needs to know of a step, see there."""
     model, state, flow = step.model, step.state, step.flow
     R0 = model.parameters.R0
-    fastest = max_retrograde_speed(model, state, flow)
+    fastest = max_retrograde_speed(step.cell)
     return {
         "r": state.r - volume_centroid(state.r, model.mesh.faces),
         "faces": model.mesh.faces,
         "c": state.c,
         "normals": flow.normals,
-        "flow": retrograde_flow(model, state, flow),
-        "polarization": polarization(model, state),
+        "flow": retrograde_flow(step.cell),
+        "polarization": polarization(step.cell),
         "R0": R0,
         "c0": model.parameters.c0,
         "t": state.t,

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
+from amoeboid.plotting import COLOR_MAP
 
 Scene = dict[str, NDArray[Any]]
 
-COLOR_MAP = "YlGnBu"
 INK, FRONT = "#1b1b1b", "#c2410c"
 ARROWS = 170
 WINDOW = (1500, 1100)

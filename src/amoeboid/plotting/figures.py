@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.output.folder import write_atomically
+from amoeboid.output.atomic import write_atomically
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -52,6 +52,25 @@ def write_figure(figure: Figure, path: Path, dpi: int) -> None:
         figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=METADATA.get(suffix))
 
     write_atomically(path, write)
+
+
+def axes_for(ax: Any = None) -> Any:
+    """The axes to draw on: those given, or those of a new figure of pyplot."""
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+@own_settings()
+def write_drawing(
+    result: Any, draw: Callable[..., Any], path: Path, width: float, height: float
+) -> None:
+    """Write what `draw(result, axes)` draws as a figure of this size, in inches, to a file."""
+    figure = new_figure(width, height)
+    draw(result, figure.add_subplot())
+    write_figure(figure, path, dpi=150)
 
 
 def html_picture(result: Any, draw: Callable[..., Any], **options: Any) -> str:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import new_figure, own_settings, write_figure
 
 MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
@@ -31,7 +32,7 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
     shown = None
     for axes, k, title in ((first, 1, "in its main plane"), (second, 2, "across that plane")):
         axes.plot(way[:, 0], way[:, k], color=MUTED, linewidth=0.8)
-        shown = axes.scatter(way[:, 0], way[:, k], c=t, s=7, cmap="viridis", zorder=3)
+        shown = axes.scatter(way[:, 0], way[:, k], c=t, s=7, cmap=COLOR_MAP, zorder=3)
         axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(title, fontsize=10, color=INK)

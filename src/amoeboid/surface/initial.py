@@ -9,6 +9,7 @@ import numpy as np
 from amoeboid.arrays import Array, Index
 from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import SHORTEST_STEP, Config, Initial
+from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined, placed
 from amoeboid.meshes.connectivity import connectivity, narrow_numbering
 from amoeboid.meshes.files import surface_file
@@ -56,8 +57,8 @@ def initial_state(config: Config) -> tuple[Model, State]:
     return begin.model, begin.state
 
 
-def initial_condition(config: Config) -> Start:
-    """What a resolved configuration starts from.
+def initial_condition(config: Config, cell: InitialCell | None = None) -> Start:
+    """What a resolved configuration starts from; in place of its own shape, `cell` if given.
 
     The sphere is brought to rest on its mesh, without a cue, which acts from t = 0 on; a shape from
     a file is not, it is the initial condition, scaled to the membrane area and with its volume
@@ -66,7 +67,9 @@ def initial_condition(config: Config) -> Start:
     """
     inputs, initial = config.inputs, config.initial
     p = config.parameters if inputs is None else inputs.parameters_at(0.0, since=0.0)
-    if initial.from_frame is not None:
+    if cell is not None:
+        begin = _as_given(p, cell.r, cell.faces, cell.c, cell.zeta0)
+    elif initial.from_frame is not None:
         begin = _from_frame(p, initial.from_frame)
     elif initial.surface is not None:
         begin = _from_surface(p, initial, 10 * 4**config.mesh.subdivisions + 2)

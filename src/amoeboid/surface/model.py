@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -79,6 +79,10 @@ class Model:
             object.__setattr__(self, "edge_length", length)
         if self.solvers is None or self.solvers.mesh is not self.mesh:
             object.__setattr__(self, "solvers", Solvers(self.mesh))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: no solvers, which are made again where they are needed."""
+        return {f.name: getattr(self, f.name) for f in fields(self)}
 
     def driven(self, inputs: Inputs | None) -> Model:
         """The model under these inputs, at t = 0."""

@@ -1,4 +1,4 @@
-"""All steady states at one parameter point, and what may be missing."""
+"""The search for all steady states at one parameter point, and what may be missing."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import overload
 
 import numpy as np
 
-from amoeboid.axisymmetric.evolution import perturbed_sphere, polished, settled
-from amoeboid.axisymmetric.onset import departure, onset_speeds
+from amoeboid.axisymmetric.evolution import evolve_to_steady, newton_refined, perturbed_sphere
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speeds
 from amoeboid.axisymmetric.paths import SAME, Path, modes_of, steady_state_at
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
-from amoeboid.axisymmetric.steady import SteadyState, homogeneous
+from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
@@ -23,13 +23,13 @@ from amoeboid.numerics.integrators import StepTooSmall
 from amoeboid.validation import InvalidInput
 
 MAX_FAR_MODES = 128
-"""Modes beyond which a branch is given up that is still far from the speed asked for."""
+"""Modes beyond which the search leaves a branch that is still far from the requested v_p0."""
 
 MAX_EXCURSION = 1.25
 """A branch is followed until it rises beyond this many times v_p0."""
 
 MIN_EXCURSION = 1.05
-"""Beyond this many times v_p0 a rising branch may stop, for want of modes, without a problem."""
+"""Beyond this many times v_p0 a rising branch may stop at too many modes without a problem."""
 
 MAX_RISING_MODES = 64
 """Modes beyond which a rising branch is left there."""
@@ -39,7 +39,7 @@ FAR = 0.25
 
 
 @dataclass(frozen=True, eq=False)
-class SteadyStates(Sequence[SteadyState]):
+class SteadySolutions(Sequence[SteadySolution]):
     """The steady states found at one parameter point, slowest first: a sequence of them.
 
     `complete` says that every branch was followed to its end, so that no state which is connected
@@ -48,15 +48,15 @@ class SteadyStates(Sequence[SteadyState]):
     """
 
     parameters: Parameters
-    states: tuple[SteadyState, ...]
+    states: tuple[SteadySolution, ...]
     complete: bool
     problems: tuple[str, ...]
 
     @overload
-    def __getitem__(self, index: int) -> SteadyState: ...
+    def __getitem__(self, index: int) -> SteadySolution: ...
     @overload
-    def __getitem__(self, index: slice) -> tuple[SteadyState, ...]: ...
-    def __getitem__(self, index: int | slice) -> SteadyState | tuple[SteadyState, ...]:
+    def __getitem__(self, index: slice) -> tuple[SteadySolution, ...]: ...
+    def __getitem__(self, index: int | slice) -> SteadySolution | tuple[SteadySolution, ...]:
         return self.states[index]
 
     def __len__(self) -> int:
@@ -72,51 +72,51 @@ class SteadyStates(Sequence[SteadyState]):
         return "\n".join([f"{count}, {found}", *lines, *(f"- {text}" for text in self.problems)])
 
 
-def steady_states(
+def steady_solutions(
     p: Parameters,
     degrees: tuple[int, ...] = (1, 2, 3),
     watch: Watch = unwatched,
-) -> SteadyStates:
+) -> SteadySolutions:
     """All steady states at one parameter point, the homogeneous one first.
 
-    They are the crossings of v_p0 = p.v_p0 with the branches that bifurcate from the homogeneous
-    sphere in its modes l of `degrees` as v_p0 changes, mirror images left out. Each branch is
-    followed through its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states
-    without such a connection to the sphere are not found.
+    They lie where v_p0 = p.v_p0 on the branches that bifurcate from the homogeneous sphere in its
+    modes l of `degrees` as v_p0 changes, mirror images left out. Each branch is followed through
+    its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states without such a
+    connection to the sphere are not found.
     """
     found, problems = [homogeneous(p)], []
     without = _without_speed(p)
     if without:
-        found.extend(_reached_in_time(p))
+        found.extend(_reached_by_evolution(p))
         problems.append(f"only states reached in time are found: {without}")
     for l in degrees:  # noqa: E741
         for threshold in onset_speeds(p, l):
             for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
-                states, problem = _crossed(p, l, threshold, sign, watch)
+                states, problem = _states_of_mode(p, l, threshold, sign, watch)
                 found.extend(states)
                 text = f"branch of l = {l}: {problem}"
                 if problem and text not in problems:
                     problems.append(text)
-    distinct: list[SteadyState] = []
+    distinct: list[SteadySolution] = []
     for state in found:
         if not any(same_state(state, other) for other in distinct):
             distinct.append(state)
     ordered = sorted(distinct, key=lambda s: s.max_retrograde_speed)
     complete = not problems
-    return SteadyStates(p, tuple(ordered), complete, (*problems, *stability_problems(p)))
+    return SteadySolutions(p, tuple(ordered), complete, (*problems, *stability_problems(p)))
 
 
 def stability_problems(p: Parameters) -> tuple[str, ...]:
     """What limits the counts of unstable modes at a parameter point."""
     if p.delta_P == 0:
         return (
-            "at delta_P = 0 short waves are hardly damped and the counts of unstable modes depend "
+            "at delta_P = 0 short waves are weakly damped and the counts of unstable modes depend "
             "on the resolution; raise delta_P to trust them",
         )
     if highest_growing(p) == MAX_GROWING:
         return (
-            f"modes of the sphere up to l = {MAX_GROWING} grow, which is as far as they are "
-            "counted: the counts of unstable modes are lower bounds; raise D or beta",
+            f"modes of the sphere up to l = {MAX_GROWING}, the highest that is counted, grow: the "
+            "counts of unstable modes are lower bounds; raise D or beta",
         )
     return ()
 
@@ -134,31 +134,31 @@ def _without_speed(p: Parameters) -> str:
     return f"v_p(c0) = {here:g} whatever v_p0; bring c0/c_r = {p.c0 / p.c_r:g} nearer to 1"
 
 
-def _reached_in_time(p: Parameters) -> list[SteadyState]:
+def _reached_by_evolution(p: Parameters) -> list[SteadySolution]:
     """The steady states at which time evolution from polarized spheres ends."""
     found = []
     for amplitude in (0.1, 0.9):
         with suppress(StepTooSmall, InvalidInput):
             start = perturbed_sphere(p, {1: amplitude * p.c0})
-            found.append(polished(settled(p, start, 1000.0 / p.rate, rate=1e-7)))
+            found.append(newton_refined(evolve_to_steady(p, start, 1000.0 / p.rate, rate=1e-7)))
     return [state for state in found if state.converged]
 
 
-def _crossed(
+def _states_of_mode(
     p: Parameters,
     l: int,  # noqa: E741
     threshold: float,
     sign: float,
     watch: Watch,
-) -> tuple[list[SteadyState], str]:
-    """The states at p on the branch that mode l sends out in v_p0, and what stopped the search."""
-    found: list[SteadyState] = []
+) -> tuple[list[SteadySolution], str]:
+    """The states at p on the branch that bifurcates in mode l, and what stopped the search."""
+    found: list[SteadySolution] = []
     problems: list[str] = []
     options = Options(parameter_scale=threshold, max_step=1.5, angle=0.2, max_points=120)
     rising = Rising(p.v_p0)
     path: Path | None = None
     try:
-        start = departure(p, "v_p0", threshold, options, sign=sign)
+        start = branch_tangent(p, "v_p0", threshold, options, sign=sign)
         path = Path(p, "v_p0", start, options, watch, f"searching along l = {l}")
         for arc in path:
             try:
@@ -186,7 +186,7 @@ def _crossed(
 
 @dataclass
 class Rising:
-    """Whether a branch in v_p0 rises beyond a value and does not come back as far as is looked."""
+    """Whether a branch in v_p0 has risen so far beyond a value that it is followed no further."""
 
     value: float
     already: bool = False
@@ -202,8 +202,8 @@ class Rising:
 
 def states_on(
     p: Parameters, name: str, arc: Arc, value: float, options: Options
-) -> list[SteadyState]:
-    """The steady state on an arc of a branch in `name` at `value`, as a list of none or one.
+) -> list[SteadySolution]:
+    """The steady state on an arc of a branch in `name` at `value`, a list of no or one entry.
 
     Raises Stalled if the arc passes the value but the state cannot be found.
     """
@@ -211,7 +211,7 @@ def states_on(
     return [] if point is None else [steady_state_at(p, name, point)]
 
 
-def same_state(a: SteadyState, b: SteadyState) -> bool:
+def same_state(a: SteadySolution, b: SteadySolution) -> bool:
     """Whether two states agree, or mirror each other in the equator."""
     n = max(a.n, b.n)
     first, second = (split(resampled(s.x, s.n, n), n)[2] for s in (a, b))

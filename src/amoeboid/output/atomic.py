@@ -1,0 +1,74 @@
+"""Files that are never half-written: under a temporary name first, or only extended."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from amoeboid.validation import InvalidInput
+
+
+def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
+    """Let `write` make a file under a temporary name beside `path`, then rename it."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
+    try:
+        write(temporary)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file atomically."""
+    write_atomically(path, lambda p: _write(p, text))
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def text_of(path: Path) -> str:
+    """A text file in UTF-8, with or without byte order mark. Raises InvalidInput, OSError."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InvalidInput(f"{str(path)!r} must be a text file in UTF-8") from None
+
+
+class GrowingFile:
+    """A text file of which one end is always the same, written once and then only extended."""
+
+    def __init__(self, path: Path, end: str = "") -> None:
+        self.path, self.end = path, end
+        self._place: int | None = None
+
+    def write(self, text: str) -> None:
+        """Write all of it, atomically; `text` ends with `end`."""
+        self._place = None
+        write_text(self.path, text)
+        self._place = len(text.encode()) - len(self.end.encode())
+
+    def extend(self, text: str, whole: Callable[[], str]) -> None:
+        """Add `text` before the end in one piece; `whole` is what the file shall be after it.
+
+        All of it is written the first time, and where the file is no longer what was written.
+        """
+        place, self._place = self._place, None
+        if place is None or not _has_size(self.path, place + len(self.end.encode())):
+            self.write(whole())
+            return
+        data = text.encode()
+        with self.path.open("r+b", buffering=0) as file:
+            file.seek(place)
+            rest = memoryview(data + self.end.encode())
+            while rest:
+                rest = rest[file.write(rest) or 0 :]
+        self._place = place + len(data)
+
+
+def _has_size(path: Path, size: int) -> bool:
+    try:
+        return path.stat().st_size == size
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,119 @@
+"""Reads the frames that a run has written, without VTK.
+
+Of the format .vtp it knows what `frames.write_frame` makes of it: one piece, triangles, arrays in
+base64 of zlib. Nothing in a file is run, and no more is unpacked than its header announces; other
+surfaces are read by `amoeboid.meshes.files`.
+"""
+
+from __future__ import annotations
+
+import binascii
+import re
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from amoeboid.arrays import Array, Index
+from amoeboid.meshes.checks import MAX_NODES
+from amoeboid.meshes.connectivity import connectivity
+from amoeboid.meshes.geometry import node_areas
+from amoeboid.model.parameters import Parameters
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import Flow, State
+from amoeboid.validation import InvalidInput
+
+_ARRAY = re.compile(rb'<DataArray type="(\w+)" Name="(\w+)"[^>]*? offset="(\d+)"')
+_TYPES = {b"Float64": np.dtype("<f8"), b"Int64": np.dtype("<i8")}
+_HEADER = b'byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor"'
+MAX_BYTES = 3 * 2 * 8 * MAX_NODES  # of one array: the triangles of the largest mesh
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Model, state and flow of one time."""
+
+    model: Model
+    state: State
+    flow: Flow
+
+
+def read_frame(path: Path, p: Parameters) -> Frame:
+    """A frame of a run with parameters p. Raises InvalidInput, also where it is not there."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InvalidInput(f"the frame {str(path)!r} cannot be read: {error.strerror}") from None
+    try:
+        return _frame(_arrays(data), p)
+    except (ValueError, KeyError, IndexError, zlib.error, binascii.Error) as error:
+        raise InvalidInput(
+            f"the frame {str(path)!r} must be one that a run has written: {error}"
+        ) from None
+
+
+def _frame(arrays: dict[str, Array], p: Parameters) -> Frame:
+    c = arrays["c"]
+    r, v_c, v_p, normals = (
+        arrays[name].reshape(len(c), 3) for name in ("Points", "v_c", "v_p", "normal")
+    )
+    faces: Index = arrays["connectivity"].reshape(-1, 3)
+    if faces.min() != 0 or faces.max() != len(c) - 1:
+        raise ValueError("its triangles must be on its points")
+    if not all(np.isfinite(a).all() for a in (r, c, v_c, v_p, normals)):
+        raise ValueError("its numbers must be finite")
+    t, zeta0 = (float(arrays[name][0]) for name in ("t", "zeta0"))
+    model = Model(p, connectivity(faces))
+    state = State(t, r, c, zeta0, arrays["cortex_drag_position"])
+    return Frame(model, state, Flow(v_c, v_p, zeta0, normals, node_areas(r, faces)))
+
+
+def _arrays(data: bytes) -> dict[str, Array]:
+    """All arrays of a file by name; of those of cells the ones of the triangles."""
+    head, found, body = data.partition(b'<AppendedData encoding="base64">')
+    if not found or _HEADER not in head:
+        raise ValueError("it is damaged or of another type")
+    body = body[body.index(b"_") + 1 :]
+    polys = head.index(b"<Polys>")
+    others = (head.index(b"<Verts>"), head.index(b"<Points>"))
+    arrays: dict[str, Array] = {}
+    for match in _ARRAY.finditer(head):
+        kind, name, offset = match.groups()
+        if min(others) < match.start() < polys and name != b"Points":
+            continue  # vertices, lines and strips, of which there are none
+        arrays.setdefault(name.decode(), _unpacked(body, int(offset), _TYPES[kind]))
+    return arrays
+
+
+def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:
+    """The numbers of one array: a header of sizes, then its blocks."""
+    (count,) = np.frombuffer(_decoded(body, start, 4), "<u4")
+    if count > MAX_BYTES // 2**10:
+        raise ValueError("it announces too much")
+    header = np.frombuffer(_decoded(body, start, 12 + 4 * int(count)), "<u4").astype(int)
+    start += _encoded(12 + 4 * int(count))
+    packed = _decoded(body, start, int(header[3:].sum()))
+    size, last = int(header[1]), int(header[2])
+    parts, place = [], 0
+    for k, length in enumerate(header[3:]):
+        wanted = last if last and k == count - 1 else size
+        if wanted * count > 2 * MAX_BYTES:
+            raise ValueError("it announces too much")
+        part = zlib.decompressobj().decompress(packed[place : place + length], wanted)
+        if len(part) != wanted:
+            raise ValueError("it is damaged")
+        parts.append(part)
+        place += length
+    return np.frombuffer(b"".join(parts), kind).astype(kind.newbyteorder("="))
+
+
+def _encoded(length: int) -> int:
+    """Characters of so many bytes in base64."""
+    return 4 * -(-length // 3)
+
+
+def _decoded(body: bytes, start: int, length: int) -> bytes:
+    if start + _encoded(length) > len(body):
+        raise ValueError("it is damaged: it ends early")
+    return binascii.a2b_base64(body[start : start + _encoded(length)])[:length]

@@ -1,0 +1,122 @@
+"""timeseries.csv: the rows of a run, one accepted step each, of the explicit scheme one a frame.
+
+Columns are read by their names. A run that is resumed with another set of observables keeps the
+columns it has: those that are new are written from there on, those that are no longer observed end
+there, and cells without a number stay empty. NaN is never written.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import itertools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+
+from amoeboid.config import Config
+from amoeboid.output.atomic import GrowingFile
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.timeseries import STEP_UNITS, Row, TimeSeries
+from amoeboid.validation import InvalidInput
+
+_WHOLE = {"step", "rejected"}
+
+
+class TimeSeriesFile(TimeSeries):
+    """Keeps the rows of a run and writes them to a file in blocks; `flush` writes what is new.
+
+    `wanted` says whether a step has a row.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        wanted: Callable[[Step], bool],
+        observe: Iterable[str] | None = None,
+        config: Config | None = None,
+    ) -> None:
+        super().__init__(observe, config)
+        self.path, self._wanted = path, wanted
+        self._file, self._written = GrowingFile(path), 0
+
+    def due(self, step: Step) -> bool:
+        """Whether a step has a row."""
+        return self._wanted(step)
+
+    def flush(self) -> None:
+        """Write the rows that are not yet in the file."""
+        columns = tuple(self.units)
+        new = self.rows[self._written :]
+        self._file.extend(_lines(columns, new), lambda: _table(columns, self.rows))
+        self._written = len(self.rows)
+
+    def continued(self, last: Step, units: dict[str, str | None]) -> None:
+        """Take up the rows of a stored run up to a step; `units` of its columns as far as known.
+
+        Raises InvalidInput, OSError.
+        """
+        columns, self.rows = read_table(self.path, last)
+        known = units | self.units
+        self.units = {name: known.get(name) for name in (*columns, *self.units)}
+
+
+def read_table(path: Path, last: Step | None = None) -> tuple[list[str], list[Row]]:
+    """Columns and rows of a time series, up to a step if one is given.
+
+    What comes after that step is not read: a run that was killed may have left half a row; without
+    a step the last row is left out if it is not whole. Raises InvalidInput unless the rows are
+    those of a run, OSError.
+    """
+    rows: list[Row] = []
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            table = csv.reader(file, strict=True)
+            columns = next(table, [])
+            if not set(STEP_UNITS) <= set(columns) or len(set(columns)) != len(columns):
+                raise ValueError(f"its columns are not {', '.join(STEP_UNITS)} and observables")
+            for line in table:
+                if len(line) != len(columns):
+                    raise ValueError(f"its columns are not {', '.join(columns)}")
+                rows.append(_row(columns, line))
+                if last is not None and rows[-1]["step"] == last.number:
+                    break
+    except (ValueError, csv.Error) as error:
+        if last is not None or not rows:
+            raise InvalidInput(
+                f"timeseries.csv must be a table as a run writes it: {error}"
+            ) from None
+    if not all(math.isfinite(x) for row in rows for x in row.values()):
+        raise InvalidInput("timeseries.csv must hold finite numbers")
+    if any(a["step"] >= b["step"] or a["t"] >= b["t"] for a, b in itertools.pairwise(rows)):
+        raise InvalidInput("the rows of timeseries.csv must be in the order of time")
+    if last is not None and (not rows or _place(rows[-1]) != (last.number, last.state.t)):
+        raise InvalidInput(f"timeseries.csv lacks step {last.number} of the checkpoint")
+    return columns, rows
+
+
+def _place(row: Row) -> tuple[float, float]:
+    return row["step"], row["t"]
+
+
+def _row(columns: Sequence[str], line: Sequence[str]) -> Row:
+    """The numbers of a line; an empty cell of an observable is none."""
+    return {
+        name: int(cell) if name in _WHOLE else float(cell)
+        for name, cell in zip(columns, line, strict=True)
+        if cell or name in STEP_UNITS
+    }
+
+
+def _table(columns: Sequence[str], rows: Sequence[Row]) -> str:
+    return _csv([columns]) + _lines(columns, rows)
+
+
+def _lines(columns: Sequence[str], rows: Sequence[Row]) -> str:
+    return _csv([[row.get(name, "") for name in columns] for row in rows])
+
+
+def _csv(lines: Sequence[Sequence[str | float]]) -> str:
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows(lines)
+    return text.getvalue()

@@ -1,0 +1,126 @@
+"""Pictures of runs on axes: time series, the cell from the side, kymographs, spectra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from amoeboid.plotting.trajectory import along_principal_axes
+from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
+from amoeboid.runs.run import Run
+from amoeboid.runs.snapshot import Snapshot
+from amoeboid.simulation.timeseries import POSITION
+from amoeboid.studies.columns import column, titled, unit
+
+INK, MUTED, LINE = "#1b1b1b", "#7a7a7a", "#0b6e99"
+COLOR_MAP = "YlGnBu"
+MIN_POWER = 1e-16  # of the largest; below it is rounding
+
+
+def _axes(ax: Any) -> Any:
+    if ax is not None:
+        return ax
+    from matplotlib import pyplot
+
+    return pyplot.subplots(layout="constrained")[1]
+
+
+def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
+    """A column of the time series over time; a vector as three lines."""
+    axes, columns = _axes(ax), run.columns
+    names = [observable] if observable in columns else [f"{observable}_{a}" for a in "xyz"]
+    run[observable]  # refuses an unknown name
+    for name in names:
+        axes.plot(columns["t"].values, columns[name].values, lw=1.8, label=name)
+    if len(names) > 1:
+        axes.legend(frameon=False)
+    axes.set_xlabel(titled("t", columns["t"].unit))
+    axes.set_ylabel(titled(observable, columns[names[0]].unit))
+    axes.grid(alpha=0.25)
+    return axes
+
+
+def draw_trajectory(run: Run, ax: Any = None) -> Any:
+    """The way of a cell with all drag on its cortex, in the plane that holds most of it."""
+    axes, columns = _axes(ax), run.columns
+    way = along_principal_axes(np.stack([columns[n].values for n in POSITION], axis=1))
+    t, length = columns["t"], columns[POSITION[0]].unit
+    axes.plot(way[:, 0], way[:, 1], color=MUTED, lw=0.8)
+    image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap="viridis", zorder=3)
+    axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)
+    axes.figure.colorbar(image, ax=axes, label=titled("t", t.unit))
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set_xlabel(titled("first principal axis", length))
+    axes.set_ylabel(titled("second principal axis", length))
+    return axes
+
+
+def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
+    """The cell from the side, colored by c, front to the left, with a bar of length R0."""
+    from matplotlib.collections import PolyCollection
+
+    axes, cell, p = _axes(ax), snapshot.cell, snapshot.parameters
+    rear, up = _view(snapshot)
+    toward = np.cross(rear, up)
+    corners = cell.x[cell.faces]
+    depth = corners.mean(axis=1) @ toward
+    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ toward
+    seen = np.flatnonzero(outward > 0.0)
+    seen = seen[np.argsort(depth[seen], kind="stable")]
+    length = column(p, np.array([1.0]), "L").values[0]
+    flat = np.stack([corners @ rear, corners @ up], axis=2)[seen] * length
+    c = column(p, cell.c[cell.faces].mean(axis=1)[seen], "N/L^2")
+    shape = PolyCollection(list(flat), array=c.values, cmap=COLOR_MAP, edgecolors="face", lw=0.2)
+    axes.add_collection(shape)
+    axes.figure.colorbar(shape, ax=axes, label=titled("c", c.unit))
+    low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+    R0 = p.R0 * length
+    axes.plot([low[0], low[0] + R0], [low[1] - 0.15 * R0] * 2, color=INK, lw=2)
+    text = f"R0 = {R0:.4g} {unit(p, 'L')}" if p.units is not None else "R0"
+    axes.text(low[0], low[1] - 0.2 * R0, text, va="top", fontsize=8, color=INK)
+    axes.set_xlim(low[0] - 0.1 * R0, high[0] + 0.1 * R0)
+    axes.set_ylim(low[1] - 0.45 * R0, high[1] + 0.1 * R0)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    return axes
+
+
+def _view(snapshot: Snapshot) -> tuple[Any, Any]:
+    """Directions to the right, that of the rear, and upwards."""
+    rear = axis(snapshot.cell, np.array([1.0, 0.0, 0.0]))
+    side = np.eye(3)[np.argmin(np.abs(rear))]
+    up = side - (side @ rear) * rear
+    return rear, up / np.linalg.norm(up)
+
+
+def draw_kymograph(found: Kymograph, ax: Any = None) -> Any:
+    """c as color over time and the angle from the rear."""
+    axes, p = _axes(ax), found.parameters
+    t, c = column(p, found.times, "T"), column(p, found.values, "N/L^2")
+    degrees = np.degrees(found.theta)
+    if len(t.values) > 1:
+        image = axes.pcolormesh(t.values, degrees, c.values.T, cmap=COLOR_MAP, shading="nearest")
+        axes.figure.colorbar(image, ax=axes, label=titled("c", c.unit))
+        axes.set_xlabel(titled("t", t.unit))
+        axes.set_ylabel("angle from the rear [degrees]")
+    else:
+        axes.plot(degrees, c.values[0], color=LINE)
+        axes.set_xlabel("angle from the rear [degrees]")
+        axes.set_ylabel(titled("c", c.unit))
+    return axes
+
+
+def draw_spectrum(found: Spectrum, ax: Any = None) -> Any:
+    """Power of each degree over time, from l = 1 on."""
+    axes, p = _axes(ax), found.parameters
+    t, power = column(p, found.times, "T"), column(p, found.values, POWER[found.field])
+    floor = MIN_POWER * power.values.max()
+    for l in found.l[1:]:  # noqa: E741
+        axes.plot(t.values, np.maximum(power.values[:, l], floor), "o-", ms=3, label=f"l = {l}")
+    axes.set_yscale("log")
+    axes.set_xlabel(titled("t", t.unit))
+    axes.set_ylabel(titled(f"power of {found.field}", power.unit))
+    axes.legend(frameon=False, fontsize=8)
+    axes.grid(alpha=0.25)
+    return axes

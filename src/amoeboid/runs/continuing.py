@@ -1,0 +1,39 @@
+"""Whether a run can be continued."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from amoeboid.config import Config, Time, shortest_step
+from amoeboid.simulation.events import Event, events_of, reason
+from amoeboid.simulation.step import Step
+from amoeboid.validation import InvalidInput
+
+
+def least_end(first: Step, time: Time) -> float:
+    """The time [T] that a run which stands at a step must at least go on to; exclusive."""
+    return first.state.t + shortest_step(Config(parameters=first.model.parameters, time=time))
+
+
+def ended_already(first: Step, time: Time, events: Sequence[Event] = ()) -> str | None:
+    """The event, but for the end of time, by which a run has ended at a step, None if it has not.
+
+    `time` is resolved.
+    """
+    return reason(first, [*events, *events_of(time)[:-1]])
+
+
+def check_continues(first: Step, time: Time, events: Sequence[Event] = ()) -> None:
+    """Raise InvalidInput if a run that stands at a step would end at once."""
+    why = ended_already(first, time, events)
+    if why:
+        raise InvalidInput(
+            f"the run has ended at t = {first.state.t:g}: {why}; to go on, resume it until another "
+            "event, such as until=amoeboid.time(t)"
+        )
+    least = least_end(first, time)
+    if not time.end > least:
+        raise InvalidInput(
+            f"to go on the run must end after t = {least:.9g}, got {time.end:.9g}; resume it with "
+            "until=amoeboid.time(t), t being later"
+        )

@@ -1,0 +1,107 @@
+"""The meshes that a run starts on."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from amoeboid.closed_forms.linear import base_tension
+from amoeboid.config import Config, polarization
+from amoeboid.meshes.cells import InitialCell
+from amoeboid.meshes.checks import check_size, check_surface, joined
+from amoeboid.meshes.connectivity import narrow_numbering
+from amoeboid.model.parameters import Parameters
+from amoeboid.validation import InvalidInput
+
+
+@dataclass(frozen=True)
+class Icosphere:
+    """A sphere of 10 * 4**n + 2 nodes: an icosahedron subdivided n times, made even.
+
+    >>> Icosphere(3)
+    Icosphere(3)
+    """
+
+    subdivisions: int = 3
+
+    @property
+    def n_nodes(self) -> int:
+        """Number of nodes."""
+        return int(10 * 4**self.subdivisions + 2)
+
+    def __repr__(self) -> str:
+        return f"Icosphere({self.subdivisions})"
+
+
+class Surface:
+    """A closed triangulated surface of your own: a file (stl, ply, obj, vtp), or nodes and faces.
+
+    Nodes r (V, 3) in any unit of length (the run scales them to the area of the membrane), faces
+    (F, 3) that look outward. `repair` lets a file be mended, as `initial.repair`. Raises
+    InvalidInput for what is no closed surface without handles.
+    """
+
+    def __init__(self, r: Any, faces: Any = None, *, repair: bool = False) -> None:
+        self.path = os.fspath(r) if isinstance(r, str | os.PathLike) else None
+        self.repair = repair
+        if self.path is not None:
+            if faces is not None:
+                raise InvalidInput("a surface must be a file or nodes and faces, got both")
+            return
+        if faces is None:
+            raise InvalidInput("a surface must be a file, or nodes and faces; faces are missing")
+        if repair:
+            raise InvalidInput("repair must be false for nodes and faces; save them as a file")
+        try:
+            self.r, self.faces = np.array(r, dtype=float), np.array(faces)
+        except (TypeError, ValueError) as error:
+            raise InvalidInput(f"nodes and faces must be arrays of numbers: {error}") from None
+        shapes = (self.r.shape, self.faces.shape)
+        whole = np.issubdtype(self.faces.dtype, np.integer)
+        if not all(len(s) == 2 and s[1] == 3 for s in shapes) or not whole:
+            raise InvalidInput(
+                f"nodes must be (V, 3) and faces (F, 3) whole numbers, got shapes {shapes[0]} and "
+                f"{shapes[1]}"
+            )
+        if not np.isfinite(self.r).all():
+            raise InvalidInput("nodes must be finite numbers")
+        if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < len(self.r):
+            raise InvalidInput(
+                f"faces must be numbers of nodes, 0 to {len(self.r) - 1}, got {self.faces.min()} "
+                f"to {self.faces.max()}"
+            )
+
+    def cell(self, p: Parameters) -> InitialCell:
+        """A homogeneous cell (c = c0) of this shape."""
+        name = "the surface"
+        check_size(self.r, name)
+        r, faces, _ = joined(self.r, self.faces.astype(np.int64))
+        check_surface(r, faces, name)
+        order, faces = narrow_numbering(faces)
+        r = r[order]
+        return InitialCell(r, faces, np.full(len(r), p.c0), float(base_tension(p)))
+
+    def __repr__(self) -> str:
+        if self.path is not None:
+            return f"Surface({self.path!r})"
+        return f"Surface({len(self.r)} nodes, {len(self.faces)} faces)"
+
+
+def placed_on(mesh: Any, config: Config) -> tuple[dict[str, Any], InitialCell | None]:
+    """Changes of the configuration for a mesh, {section.field: value}, or the cell to start as.
+
+    Raises InvalidInput for what is no mesh.
+    """
+    if isinstance(mesh, Icosphere):
+        return {"mesh.subdivisions": mesh.subdivisions}, None
+    if isinstance(mesh, Surface) and mesh.path is not None:
+        return {"initial.surface": mesh.path, "initial.repair": mesh.repair}, None
+    if isinstance(mesh, Surface):
+        cell = mesh.cell(config.parameters)
+        own = config.initial.perturbation
+        amplitude = polarization(config.parameters) if own is None else own
+        return {"initial.perturbation": amplitude}, cell
+    raise InvalidInput(f"mesh must be amoeboid.Icosphere(n) or amoeboid.Surface(...), got {mesh!r}")

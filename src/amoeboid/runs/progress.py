@@ -1,0 +1,74 @@
+"""Progress of a run: one line with the time reached, the speed, the step and the time left."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from amoeboid.simulation.timeseries import Row
+from amoeboid.terminal import shown_line
+from amoeboid.validation import InvalidInput
+
+QUIET = 2.0  # seconds; a run that is over by then shows nothing from Python
+
+Report = Callable[[Row | None], None]
+
+
+def unreported(_: Row | None) -> None:
+    """No-op callback."""
+
+
+@contextmanager
+def reported(start: float, end: float, after: float = 0.0) -> Iterator[Report]:
+    """A function that takes rows of the time series of a run from time `start` to `end`."""
+    began = time.monotonic()
+    with shown_line(after) as show:
+        if show is None:
+            yield unreported
+            return
+
+        def report(row: Row | None) -> None:
+            if row is not None:
+                show(_parts(row, start, end, time.monotonic() - began))
+
+        yield report
+
+
+@contextmanager
+def wanted(progress: Any, start: float, end: float) -> Iterator[Report]:
+    """What the keyword `progress` asks for: None, after a while; True, at once; False, nothing."""
+    if progress is False:
+        yield unreported
+    elif callable(progress):
+        yield lambda row: None if row is None else progress(dict(row))
+    elif progress is None or progress is True:
+        with reported(start, end, 0.0 if progress else QUIET) as report:
+            yield report
+    else:
+        raise InvalidInput(
+            "progress must be None, True, False or a function of a row of the time series, got "
+            f"{progress!r}"
+        )
+
+
+def _parts(row: Row, start: float, end: float, elapsed: float) -> tuple[str, ...]:
+    done = max(row["t"] - start, 0.0) / (end - start)
+    left = elapsed * (1.0 / done - 1.0) if done > 0.0 else math.inf
+    speed = row.get("max_retrograde_speed")
+    return (
+        f"t = {row['t']:.4g} of at most {end:.6g}",
+        *([] if speed is None else [f"speed {speed:.4g}"]),
+        f"dt {row['dt']:.3g}",
+        f"at most {_duration(left)} left",
+    )
+
+
+def _duration(seconds: float) -> str:
+    """Hours, minutes and seconds."""
+    if not seconds < 1e6:
+        return "some time"
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d}"

@@ -1,0 +1,200 @@
+"""What runs have in common, whether they were just made or are read from a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.display import html_picture, html_table, plotted, shown
+from amoeboid.model.parameters import Parameters
+from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
+from amoeboid.runs.snapshot import SHOWN, Snapshot
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.timeseries import POSITION, Row
+from amoeboid.simulation.timeseries import column as column_of
+from amoeboid.studies.columns import Column, column, dataset, frame, quantity
+from amoeboid.validation import InvalidInput
+
+
+class Run:
+    """A run of the 3D cell: time series, frames, and the cell at its end.
+
+    `run["max_retrograde_speed"]` is a column of the time series as an array, `run.t` its times;
+    with physical parameters they are quantities with units.
+    """
+
+    if TYPE_CHECKING:  # fields of one kind of run, properties of the other
+
+        @property
+        def parameters(self) -> Parameters:
+            """The parameters of the cell."""
+
+        @property
+        def rows(self) -> Sequence[Row]:
+            """The rows of the time series in plain numbers."""
+
+        @property
+        def units(self) -> Mapping[str, str | None]:
+            """The columns of the time series and their dimensions."""
+
+        @property
+        def frames(self) -> Sequence[Snapshot]:
+            """The cell at the times of output."""
+
+        @property
+        def last(self) -> Step:
+            """The last step."""
+
+        @property
+        def ended(self) -> str:
+            """Why the run ended: "steady", "end of time", a condition, or what stopped it."""
+
+        @property
+        def status(self) -> str:
+            """How the run ended: "finished", "diverged", "interrupted", "failed", or "running"."""
+
+    @property
+    def final(self) -> Snapshot:
+        """The cell at the end."""
+        return Snapshot(self.last.model, self.last.state, self.last.flow)
+
+    @property
+    def t(self) -> Any:
+        """The times of the time series (T,) [T]."""
+        return self["t"]
+
+    def __getitem__(self, name: str) -> Any:
+        """A column (T,) of the time series; a vector (T, 3) by the name of its observable.
+
+        Where a column is not known at all times, a masked array.
+        """
+        values = column_of(self.rows, self.units, name)
+        dimension = self.units.get(name, self.units.get(f"{name}_x"))
+        return quantity(self.parameters, values, dimension)
+
+    def __iter__(self) -> Iterator[str]:
+        """The names of the columns."""
+        return iter(self.units)
+
+    def __len__(self) -> int:
+        """The number of rows of the time series."""
+        return len(self.rows)
+
+    def keys(self) -> list[str]:
+        """The names of the columns of the time series."""
+        return list(self.units)
+
+    @property
+    def trajectory(self) -> Any:
+        """Positions (T, 3) [L] at the times `t`, if all drag is on the cortex, uniformly."""
+        return quantity(self.parameters, self._positions, "L")
+
+    @property
+    def _positions(self) -> Array:
+        parts = [column_of(self.rows, self.units, name) for name in POSITION]
+        return np.stack(parts, axis=1)
+
+    @property
+    def steady(self) -> bool:
+        """Whether the cell does not change at the end, and no perturbation is known to grow."""
+        return self.last.steady
+
+    @property
+    def growth_rate(self) -> Any:
+        """Growth rate of the fastest perturbation of the cell at the end [1/T].
+
+        None unless it is steady and the rate is known. Negative: it is stable.
+        """
+        rate = self.last.growth
+        return None if rate is None else quantity(self.parameters, rate, "1/T")
+
+    @property
+    def growth_rate_error(self) -> Any:
+        """Error of `growth_rate` [1/T], without that of the mesh."""
+        error = self.last.growth_error
+        return None if error is None else quantity(self.parameters, error, "1/T")
+
+    @property
+    def stability(self) -> str:
+        """ "stable" or "unstable", or "unknown": `stability_problem` says why."""
+        return self.last.stability
+
+    @property
+    def stability_problem(self) -> str:
+        """Why it is not known whether the cell at the end is stable; empty if it is."""
+        return self.last.stability_problem
+
+    def kymograph(self, angles: int = 45) -> Kymograph:
+        """c along the polarity axis of each frame: over time and the angle from the rear."""
+        return kymograph(self._some_frames(), self.final, angles)
+
+    def spectrum(self, field: str = "c", l_max: int = 4) -> Spectrum:
+        """Power by degree of spherical harmonics of "c" or "shape", for each frame."""
+        return spectrum(self._some_frames(), self.parameters, field, l_max)
+
+    def _some_frames(self) -> Sequence[Snapshot]:
+        if not len(self.frames):
+            raise InvalidInput(
+                "a run must have frames for this, it has none; give times, or leave them out"
+            )
+        return self.frames
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """The time series in the units of the parameters; NaN where a column is not known."""
+        p, found = self.parameters, {}
+        for name, dimension in self.units.items():
+            values = column_of(self.rows, self.units, name)
+            known = values.filled(np.nan) if np.ma.isMaskedArray(values) else values
+            found[name] = column(p, known, dimension)
+        return found
+
+    def to_pandas(self) -> Any:
+        """The time series as a pandas.DataFrame over t; its `attrs["units"]` holds the units."""
+        table = frame(self.columns)
+        units = table.attrs["units"]
+        table = table.set_index("t")
+        table.attrs["units"] = units
+        return table
+
+    def to_xarray(self) -> Any:
+        """The time series as an xarray.Dataset over t, each variable with its unit."""
+        return dataset(self.columns, "t", ["t"], status=self.status, ended=self.ended)
+
+    def plot(self, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
+        """Draw a column of the time series over time. Takes and returns axes."""
+        return plotted(self, "runs.draw", ax, observable=observable)
+
+    def plot_trajectory(self, ax: Any = None) -> Any:
+        """Draw the trajectory in its main plane, colored by time. Takes and returns axes."""
+        return plotted(self, "runs.draw_trajectory", ax)
+
+    @property
+    def _end(self) -> str:
+        """How and when the run ended, in a few words."""
+        if not self.rows:
+            return f"{self.status}, no step yet"
+        row = self.rows[-1]
+        t, n_nodes = row["t"], len(self.last.state.r)
+        how = self.ended if self.status == "finished" else self.status
+        how = how if len(how) <= 60 else f"{how[:56]} ..."
+        return (
+            f"{how} at t = {shown_time(self.parameters, t)}, {row['step']} steps, {n_nodes} nodes"
+        )
+
+    def _repr_html_(self) -> str:
+        rows = [(name, getattr(self.final, name)) for name in SHOWN]
+        rows += [("growth_rate", self.growth_rate), ("stability", self.stability)]
+        notes = [self.ended] if self.status != "finished" else []
+        notes += [self.stability_problem] if self.steady and self.stability_problem else []
+        heading = f"{type(self).__name__}: {self._end}"
+        return html_table(heading, rows, notes=notes) + html_picture(self, "runs.draw")
+
+
+def shown_time(p: Parameters, t: float) -> str:
+    """A time with four digits, and its unit if the cell has physical ones."""
+    value = quantity(p, t, "T")
+    return f"{t:.4g}" if p.units is None else shown(value)

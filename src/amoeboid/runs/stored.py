@@ -1,0 +1,184 @@
+"""`load`: a run that was stored in a folder, read as far as it is asked for."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any, overload
+
+from amoeboid.config import Config, resolved
+from amoeboid.model.parameters import Parameters
+from amoeboid.output.atomic import text_of
+from amoeboid.output.checkpoint import read_checkpoint
+from amoeboid.output.folder import resumed_run, stored_config, stored_manifest, stored_units
+from amoeboid.output.frame_reader import read_frame
+from amoeboid.output.timeseries import read_table
+from amoeboid.runs.advance import advance_in_folder
+from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.progress import wanted
+from amoeboid.runs.run import Run
+from amoeboid.runs.snapshot import Snapshot
+from amoeboid.simulation.events import declared
+from amoeboid.simulation.step import Step
+from amoeboid.simulation.timeseries import Row
+from amoeboid.validation import InvalidInput
+
+_ENTRY = re.compile(r'timestep="([^"]+)" part="0" file="frames/(frame_\d+\.vtp)"')
+
+
+class StoredFrames(Sequence[Snapshot]):
+    """The frames of a stored run; each is read when it is asked for. `times` [T] are known."""
+
+    def __init__(self, folder: Path, parameters: Parameters, entries: Sequence[tuple[float, str]]):
+        self.folder, self.parameters, self.entries = folder, parameters, tuple(entries)
+
+    @property
+    def times(self) -> list[float]:
+        """Times of the frames [T]."""
+        return [t for t, _ in self.entries]
+
+    @overload
+    def __getitem__(self, index: int) -> Snapshot: ...
+    @overload
+    def __getitem__(self, index: slice) -> StoredFrames: ...
+    def __getitem__(self, index: int | slice) -> Snapshot | StoredFrames:
+        """A frame, read now; of a slice, frames that are read later. Raises InvalidInput."""
+        if isinstance(index, slice):
+            return StoredFrames(self.folder, self.parameters, self.entries[index])
+        found = read_frame(self.folder / "frames" / self.entries[index][1], self.parameters)
+        return Snapshot(found.model, found.state, found.flow)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def __repr__(self) -> str:
+        span = (
+            f", t = {self.entries[0][0]:.6g} to {self.entries[-1][0]:.6g}" if self.entries else ""
+        )
+        return f"StoredFrames({len(self)} frames{span})"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StoredRun(Run):
+    """A run in a folder, see `Run`. Nothing is read until it is asked for, and then kept.
+
+    `load` makes it anew where the run has gone on meanwhile.
+    """
+
+    folder: Path
+
+    @cached_property
+    def config(self) -> Config:
+        """The configuration that the run was made with."""
+        return stored_config(self.folder)
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of the cell."""
+        return self.config.parameters
+
+    @cached_property
+    def manifest(self) -> dict[str, Any]:
+        """What manifest.json says: status, versions, summary; empty if it cannot be read."""
+        return stored_manifest(self.folder)
+
+    @cached_property
+    def _table(self) -> tuple[dict[str, str | None], list[Row]]:
+        path = self.folder / "timeseries.csv"
+        if not path.is_file():
+            return {}, []
+        try:
+            columns, rows = read_table(path)
+        except (OSError, InvalidInput) as error:
+            raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
+        units = stored_units(self.manifest)
+        return {name: units.get(name) for name in columns}, rows
+
+    @property
+    def rows(self) -> list[Row]:
+        """The rows of the time series in plain numbers."""
+        return self._table[1]
+
+    @property
+    def units(self) -> Mapping[str, str | None]:
+        """The columns of the time series and their dimensions."""
+        return self._table[0]
+
+    @cached_property
+    def frames(self) -> StoredFrames:
+        """The frames, each read when it is asked for."""
+        path = self.folder / "frames.pvd"
+        entries = _ENTRY.findall(text_of(path)) if path.is_file() else []
+        kept = [(float(t), n) for t, n in entries if (self.folder / "frames" / n).is_file()]
+        return StoredFrames(self.folder, self.parameters, kept)
+
+    @cached_property
+    def last(self) -> Step:
+        """The step of the checkpoint, from which `resume` goes on. Raises InvalidInput."""
+        path = self.folder / "checkpoint.npz"
+        try:
+            step = read_checkpoint(path).step
+        except (OSError, InvalidInput) as error:
+            raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
+        return replace(step, model=replace(step.model, parameters=self.parameters))
+
+    @property
+    def status(self) -> str:
+        """How the run ended: "finished", "diverged", "interrupted", "failed", or "running"."""
+        return str(self.manifest.get("status", "unknown"))
+
+    @property
+    def ended(self) -> str:
+        """Why the run ended, empty where it has not."""
+        return str(self.manifest.get("ended", ""))
+
+    def resume(
+        self,
+        until: Any = None,
+        *,
+        progress: Any = None,
+        writers: Iterable[Any] = (),
+        observe: Iterable[str] | None = None,
+    ) -> StoredRun:
+        """The run continued in its folder, as by `amoeboid run --resume`; gives it as it is then.
+
+        Raises InvalidInput where it cannot be read, or would end at once.
+        """
+        time, events = declared(self.config.time, until, self.parameters)
+        config = replace(self.config, time=time)
+        run, first = resumed_run(self.folder, config, writers, observe)
+        check_continues(first, resolved(config).time, events)
+        run.begin()
+        with wanted(progress, first.state.t, run.config.time.end) as report:
+            advance_in_folder(run, first, events, report)
+        return StoredRun(self.folder)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a pickle holds: the folder, from which the rest is read."""
+        return {"folder": self.folder}
+
+    def __repr__(self) -> str:
+        name = str(self.folder)
+        name = name if len(name) <= 200 else f"...{name[-196:]}"
+        try:
+            return f"StoredRun({name!r}, {self._end})"
+        except InvalidInput as problem:
+            return f"StoredRun({name!r}, unreadable: {str(problem)[:300]})"
+
+
+def load(folder: str | os.PathLike[str]) -> StoredRun:
+    """The run in a folder, of `amoeboid run` or `simulate(..., folder=...)`.
+
+    Raises InvalidInput for a folder that holds no run.
+    """
+    path = Path(folder)
+    if not (path / "config.toml").is_file():
+        raise InvalidInput(
+            f"load takes the folder of a run, {str(path)!r} has no config.toml; give the folder "
+            "that amoeboid run wrote to"
+        )
+    return StoredRun(path)

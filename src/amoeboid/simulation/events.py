@@ -1,0 +1,148 @@
+"""What ends a run: events with names.
+
+An event is any function of a `Step` that says whether the run ends there. Its name is told as the
+reason; an event may also give a text instead of True, which is told then. Those of this module are
+what `until` of `simulate` takes as well:
+
+    simulate(p, until=[steady(), time(100), when("polarity > 0.5"), my_event])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from numbers import Real
+from typing import Any
+
+from amoeboid.conditions import condition, holds
+from amoeboid.config import Time
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.units import measured
+from amoeboid.simulation.step import Step
+from amoeboid.validation import InvalidInput
+
+Event = Callable[[Step], "bool | str | None"]
+
+END_OF_TIME = "end of time"
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The cell is steady: nothing changes, and no small perturbation is known to grow."""
+
+    name = "steady"
+
+    def __call__(self, step: Step) -> bool:
+        """Whether the run ends at a step."""
+        return step.steady
+
+
+@dataclass(frozen=True)
+class At:
+    """The simulated time `t` is reached; the last step ends exactly there."""
+
+    t: Any
+    name = END_OF_TIME
+
+    def __call__(self, step: Step) -> bool:
+        """Whether the run ends at a step."""
+        return bool(step.state.t >= time_of(self.t, step.model.parameters, "time"))
+
+
+@dataclass(frozen=True)
+class When:
+    """A condition such as "polarity > 0.5" holds, see `amoeboid.conditions`."""
+
+    condition: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "condition", condition(self.condition))
+
+    @property
+    def name(self) -> str:
+        """The condition."""
+        return self.condition
+
+    def __call__(self, step: Step) -> bool:
+        """Whether the run ends at a step."""
+        return holds(self.condition, step.cell, step.state.t)
+
+
+def steady() -> Steady:
+    """The event that the cell is steady; a run without `time` ends after 200/rate at the latest."""
+    return Steady()
+
+
+def time(t: Any) -> At:
+    """The event that the simulated time t [T] is reached; for cells with units also "300 s"."""
+    if isinstance(t, int | float):
+        Time(end=t)  # refuses what is no time
+    return At(t)
+
+
+def when(text: str) -> When:
+    """The event that a condition holds, such as "polarity > 0.5" or "c_front < 0.1*c0 and t > 5".
+
+    It compares expressions of observables, yours included, of parameters, of the time t and of
+    numbers. The run ends with the first step at whose end it holds. Raises InvalidInput.
+    """
+    return When(text)
+
+
+def named(event: Any) -> str:
+    """The name of an event: its `name`, or that of the function."""
+    return str(getattr(event, "name", None) or getattr(event, "__name__", type(event).__name__))
+
+
+def events_of(time: Time) -> list[Event]:
+    """The events that a resolved section [time] declares, first those that are told first."""
+    found: list[Event] = [Steady()] if time.stop_when_steady else []
+    found += [When(text) for text in time.until]
+    return [*found, At(time.end)]
+
+
+def reason(step: Step, events: Iterable[Event]) -> str | None:
+    """Why a run ends at a step, by the first event that says so; None if it goes on."""
+    for event in events:
+        found = event(step)
+        if found:
+            return found if isinstance(found, str) else named(event)
+    return None
+
+
+def time_of(given: Any, p: Parameters, name: str) -> float:
+    """A time as a number [T]: a number, or a quantity such as "300 s" for a cell with units.
+
+    Raises InvalidInput, naming `name`.
+    """
+    if isinstance(given, Real) and not isinstance(given, bool):
+        return float(given)
+    if p.units is None:
+        raise InvalidInput(
+            f"{name} must be a number in the units of the parameters, got {given!r}; for "
+            "quantities with units start from Parameters.physical"
+        )
+    return measured(name, given, "T", "300 s") / p.units.of("T")
+
+
+def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, ...]]:
+    """A section [time] with the events of `until` in it, and those that only Python can hold.
+
+    `until` is an event or several; it replaces what ends a run by itself. Raises InvalidInput.
+    """
+    if until is None:
+        return time, ()
+    events = list(until) if isinstance(until, list | tuple) else [until]
+    for event in events:
+        if not callable(event):
+            raise InvalidInput(
+                "until must be an event or a list of events, such as amoeboid.steady(), "
+                f"amoeboid.time(100), amoeboid.when({'polarity > 0.5'!r}) or a function of a step, "
+                f"got {event!r}"
+            )
+    ends = [time_of(event.t, p, "time") for event in events if isinstance(event, At)]
+    conditions = tuple(event.condition for event in events if isinstance(event, When))
+    own = tuple(e for e in events if not isinstance(e, Steady | At | When))
+    stops = any(isinstance(event, Steady) for event in events)
+    time = replace(time, stop_when_steady=stops, until=conditions)
+    return (replace(time, end=min(ends)) if ends else time), own

@@ -1,0 +1,133 @@
+"""A state of the 3D cell as observables see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from amoeboid.arrays import Array, Index
+from amoeboid.meshes import geometry
+from amoeboid.meshes.extrema import SEARCHED, fitted_maxima, largest, refined_extremum
+from amoeboid.model.parameters import Parameters
+from amoeboid.surface.model import Model
+from amoeboid.surface.state import Flow, State
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceCell:
+    """Model, state and flow of one time; see `observables.Cell`. Its points are the nodes."""
+
+    model: Model
+    state: State
+    flow: Flow
+
+    @property
+    def parameters(self) -> Parameters:
+        """The parameters of the model."""
+        return self.model.parameters
+
+    @property
+    def t(self) -> float:
+        """Time [T]."""
+        return self.state.t
+
+    @property
+    def r(self) -> Array:
+        """Nodes (V, 3) [L]."""
+        return self.state.r
+
+    @property
+    def faces(self) -> Index:
+        """Node numbers of the triangles (F, 3)."""
+        return self.model.mesh.faces
+
+    @property
+    def c(self) -> Array:
+        """Concentration at the nodes (V,) [N/L^2]."""
+        return self.state.c
+
+    @cached_property
+    def x(self) -> Array:
+        """Nodes (V, 3) relative to the center of volume [L]."""
+        return np.asarray(self.r - geometry.volume_centroid(self.r, self.faces))
+
+    @cached_property
+    def node_areas(self) -> Array:
+        """Share of each node of the area (V,) [L^2]."""
+        return geometry.node_areas(self.r, self.faces)
+
+    @property
+    def normals(self) -> Array:
+        """Outward normals at the nodes (V, 3)."""
+        return self.flow.normals
+
+    @property
+    def v(self) -> Array:
+        """Full velocity (V, 3) in the frame of the nodes [L/T]."""
+        return self.flow.v
+
+    @property
+    def v_c(self) -> Array:
+        """Cortex velocity (V, 3) in the frame of the nodes [L/T]."""
+        return self.flow.v_c
+
+    @property
+    def v_p(self) -> Array:
+        """Polymerization velocity (V, 3) [L/T]."""
+        return self.flow.v_p
+
+    @property
+    def zeta0(self) -> float:
+        """Membrane tension [M/T^2]."""
+        return self.state.zeta0
+
+    @property
+    def area(self) -> float:
+        """Area of the polyhedron [L^2]."""
+        return geometry.area(self.r, self.faces)
+
+    @property
+    def radius(self) -> float:
+        """Radius of the sphere of the area of the smooth surface through the nodes [L]."""
+        return float(np.sqrt(geometry.smooth_area(self.r, self.faces) / (4.0 * np.pi)))
+
+    @property
+    def volume(self) -> float:
+        """Volume of the polyhedron [L^3]."""
+        return geometry.volume(self.r, self.faces)
+
+    def integral(self, field: Array) -> Any:
+        """Integral of a field (V,) or (V, 3), by the areas of the nodes."""
+        found = self.node_areas @ field
+        return found if np.ndim(found) else float(found)
+
+    def maximum(self, field: Array) -> float:
+        """Maximum of the quadratic that is fitted around the highest node.
+
+        That of a field without positive values is not positive either.
+        """
+        return -self.minimum(-field)
+
+    def minimum(self, field: Array) -> float:
+        """Minimum of the quadratic that is fitted around the lowest node.
+
+        That of a field without negative values is not negative either: where the quadratic is, the
+        value at the node counts.
+        """
+        lowest = int(np.argmin(field))
+        found = refined_extremum(self.model.mesh, self.r, self.normals, field, lowest, -1.0)
+        return found if found >= 0.0 or field[lowest] < 0.0 else float(field[lowest])
+
+    def max_length(self, field: Array) -> float:
+        """Maximum of the length of vectors (V, 3), from polynomials fitted to their squares.
+
+        They are of fourth degree, around each of the nodes with the longest: the maximum lies
+        between the nodes, and single nodes do not decide.
+        """
+        squares = np.einsum("vi,vi->v", field, field)
+        mesh, longest = self.model.mesh, largest(squares, SEARCHED)
+        maxima = fitted_maxima(longest, mesh.row_start, mesh.columns, self.r, self.normals, squares)
+        return float(np.sqrt(max(0.0, maxima.max())))
