@@ -28,4 +28,4 @@ def remeshed(model: Model, state: State) -> tuple[Model, State]:
         return model, state
     r, c, faces = new
     changed = replace(state, r=r, c=c, angular_velocity=None)
-    return Model(model.parameters, connectivity(faces), model.edge_length), changed
+    return model.on(connectivity(faces)), changed
