@@ -10,7 +10,7 @@ import pytest
 
 import amoeboid
 from amoeboid.axisymmetric.branches import polarized_branch
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets, onsets_anywhere
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets, onsets_anywhere
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.cli.main import main
@@ -205,7 +205,7 @@ def test_a_branch_leaves_the_sphere_in_a_parameter_of_the_law():
     assert found
     for n in found:
         assert growth_rate(p.replace(**{"law.n": n}), 1) == pytest.approx(0, abs=1e-9)
-        start = departure(p, "law.n", n, options)
+        start = branch_tangent(p, "law.n", n, options)
         first, second = islice(follow(start, options), 2)
         system = SteadySystem(p, mode_count(second.x), ("law.n",))
         assert second.parameter not in (n, first.parameter)
