@@ -357,10 +357,13 @@ def test_onsets_in_a_parameter_of_the_stress_are_found_in_any_units(start):
 
     lambda_1 = 0 at chi = 2 S/R0 (D/R0 + beta R0/2 + v_p'(c0) c0)/c0 for v_p0 = 3.
     """
-    p = parameters_from({"stress": "chi*c", "stress.chi": start, "v_p0": 3.0})
+    unit = SI.of("M L^2/(T^2 N)")
     exact = 4 / 3 * (0.53 - 9 * np.exp(-3))
-    found = [onsets_anywhere(cell, "stress.chi") for cell in (p, in_units(p, SI))]
-    if start < 0:  # the window has the sign of the parameter
-        assert found == [(), ()]
-    else:
-        np.testing.assert_allclose(found, [[exact], [exact]], rtol=1e-9)
+    for sizes, chi in ((dict.fromkeys(DIMENSIONS, 1.0), 1.0), (
+        {name: SI.of(dimension) for name, dimension in DIMENSIONS.items()}, unit
+    )):  # fmt: skip
+        values = {name: Parameters(v_p0=3.0).value(name) / size for name, size in sizes.items()}
+        p = parameters_from(values | {"stress": "chi*c", "stress.chi": start / chi})
+        found = onsets_anywhere(p, "stress.chi")
+        # the window has the sign of the parameter
+        assert np.multiply(found, chi) == pytest.approx([exact] if start >= 0 else [], rel=1e-9)

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from amoeboid import steady_states
 from amoeboid.axisymmetric.onset import onset_speed, onset_speeds, onsets
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import homogeneous
@@ -198,3 +199,16 @@ def test_a_rigid_cell_depends_on_stress_and_law_through_one_function_alone():
     one, other = (at_threshold(infinite_pressure(p)) for p in (stressed, grown))
     for name in ("v_p0", "m_2", "m_3", "m_4", "nu", "nu_5"):
         assert getattr(one, name) == pytest.approx(float(getattr(other, name)), rel=1e-12)
+
+
+def test_steady_states_without_a_threshold_are_found_in_time_and_said_to_be_incomplete():
+    """tau'(c0) = 0.9 exceeds the 0.8 from which on this cell polarizes at v_p0 = 0."""
+    given = {"stress": "chi*c/(1 + (c/k)**2)", "stress.chi": 2.6, "stress.k": 5.0}
+    found = steady_states(parameters_from(given | {"v_p0": 0.5, "D": 0.1}))
+    assert not found.complete
+    assert "the sphere polarizes without polymerization" in found.problems[0]
+    sphere_, polarized = found
+    assert sphere_.max_retrograde_speed == 0
+    assert polarized.converged
+    assert polarized.c_rear > 3 * polarized.c_front
+    assert max(growth_rates(polarized, 0).real) < 0

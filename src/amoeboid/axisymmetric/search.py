@@ -16,6 +16,8 @@ from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
+from amoeboid.closed_forms.linear import growth_rate
+from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled
@@ -122,10 +124,16 @@ def stability_problems(p: Parameters) -> tuple[str, ...]:
 
 
 def _without_speed(p: Parameters) -> str:
-    """Why no branch in v_p0 can be followed because v_p(c0) is the same for all v_p0, or empty."""
+    """Why the polarized branch does not begin at a threshold in v_p0, or empty.
+
+    v_p(c0) may be the same for all v_p0, or the sphere may polarize at v_p0 = 0 already.
+    """
     other = p.replace(v_p0=2 * p.v_p0 or p.R0 * p.rate)
     here = float(p.v_p(p.c0))
     if here != float(other.v_p(p.c0)):
+        with suppress(InvalidInput):
+            if growth_rate(points(p).at_speed(0.0), 1) > 0:
+                return "the sphere polarizes without polymerization, at any v_p0 up from 0"
         return ""
     with suppress(InvalidInput):
         elsewhere = p.c_r * np.array([0.5, 1.0, 2.0])

@@ -85,9 +85,11 @@ class FromExpression(WithOwnValues):
             )
         object.__setattr__(self, "expression", expression.strip())
         names = self._parsed().names
+        needed = sorted(names - set(self.symbols))
         if "c" not in names:
-            raise self._no_expression()
-        self._take(sorted(names - set(self.symbols)), own)
+            others = "" if not needed or needed == [self.expression] else f"the name {needed[0]!r}"
+            raise self._no_expression(f" with {others} and without c" if others else "")
+        self._take(needed, own)
 
     @property
     def name(self) -> str:  # type: ignore[override]
@@ -106,10 +108,10 @@ class FromExpression(WithOwnValues):
                 raise self._no_expression() from None
             raise InvalidInput(f"{self.noun} {error}, got {self.expression[:200]!r}") from None
 
-    def _no_expression(self) -> InvalidInput:
+    def _no_expression(self, more: str = "") -> InvalidInput:
         return InvalidInput(
             f"{self.noun} must be one of {', '.join(self.named)} or an expression in c, "
-            f"got {self.expression!r}"
+            f"got {self.expression!r}{more}"
         )
 
 
