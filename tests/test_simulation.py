@@ -76,7 +76,7 @@ def test_a_tiny_growing_polarization_is_not_mistaken_for_a_steady_state():
     assert steps[-1].state.c.max() > 5
 
 
-def test_slow_turning_of_the_whole_cell_is_left_out_of_what_changes():
+def test_slow_rigid_rotation_is_excluded_from_the_rate_of_change():
     """A resting cell seen from axes that turn, slowly and less slowly, and with a change beside."""
     config = replace(QUICK, parameters=Parameters(D=0.4, v_p0=6.0), time=Time(end=60.0))
     _, steps = steps_of(config)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from amoeboid.closed_forms.branch import prediction
     from amoeboid.closed_forms.linear import growth_rate, thresholds
     from amoeboid.closed_forms.points import points
+    from amoeboid.closed_forms.response import polarization_by_cue
     from amoeboid.config import (
         Config,
         Initial,
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
         config_to_toml,
     )
     from amoeboid.meshes.cells import InitialCell
+    from amoeboid.model.changes import Change, ramp, smooth, steps
+    from amoeboid.model.cues import Cue
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
@@ -46,7 +49,9 @@ if TYPE_CHECKING:
 _HOMES = {
     "Branch": "studies.branch",
     "Cell": "observables",
+    "Change": "model.changes",
     "Config": "config",
+    "Cue": "model.cues",
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
@@ -74,8 +79,8 @@ _HOMES = {
     "SteadyStates": "studies.states",
     "Step": "simulation.step",
     "StoredRun": "runs.stored",
-    "Surface": "runs.meshes",
     "Stress": "model.stress",
+    "Surface": "runs.meshes",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "studies.branch",
@@ -90,11 +95,15 @@ _HOMES = {
     "parameters_to_toml": "model.parameters",
     "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
+    "polarization_by_cue": "closed_forms.response",
     "prediction": "closed_forms.branch",
+    "ramp": "model.changes",
     "simulate": "runs.solution",
+    "smooth": "model.changes",
     "start": "simulation.loop",
     "steady": "simulation.events",
     "steady_states": "studies.states",
+    "steps": "model.changes",
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -105,7 +114,9 @@ __all__ = [
     "OBSERVABLES",
     "Branch",
     "Cell",
+    "Change",
     "Config",
+    "Cue",
     "Custom",
     "Diverged",
     "Exponential",
@@ -148,11 +159,15 @@ __all__ = [
     "parameters_to_toml",
     "phase_diagram",
     "points",
+    "polarization_by_cue",
     "prediction",
+    "ramp",
     "simulate",
+    "smooth",
     "start",
     "steady",
     "steady_states",
+    "steps",
     "theory",
     "thresholds",
     "time",

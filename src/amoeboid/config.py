@@ -14,6 +14,9 @@ from typing import Any
 import tomli_w
 
 from amoeboid.conditions import condition
+from amoeboid.model.changes import CHANGEABLE, Changes
+from amoeboid.model.cues import Cue, written_cue
+from amoeboid.model.inputs import Inputs, inputs_of
 from amoeboid.model.parameters import (
     PARAMETER_NAMES,
     RELATIONS,
@@ -110,7 +113,9 @@ class Initial:
 class Time:
     """Section [time]."""
 
-    end: float = automatic("simulated time at which the run ends, 200/rate", "T", gt=0)
+    end: float = automatic(
+        "simulated time at which the run ends, 200/rate (after the last change)", "T", gt=0
+    )
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
     tolerance: float = number(1e-3, "error allowed in one step, relative to c0 and R0", gt=0)
     max_step: float = automatic(
@@ -158,6 +163,32 @@ class Config:
     initial: Initial = field(default_factory=Initial)
     time: Time = field(default_factory=Time)
     output: Output = field(default_factory=Output)
+    changes: Changes = field(default_factory=Changes)  # or a mapping of names to what makes one
+    cue: Any = field(default_factory=Cue)  # a Cue, or any object with its `factor`
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.changes, Changes):
+            object.__setattr__(self, "changes", Changes(self.changes))
+        if self.cue is None:
+            object.__setattr__(self, "cue", Cue())
+
+    @property
+    def inputs(self) -> Inputs | None:
+        """Parameters that change, and the cue; None if nothing does. Raises InvalidInput."""
+        return inputs_of(self.parameters, self.changes, self.cue)
+
+    def section(self, name: str) -> dict[str, Any]:
+        """Names and values of a section, as a TOML file or JSON holds them; None is left open.
+
+        Raises InvalidInput for what no file can hold.
+        """
+        values = getattr(self, name)
+        if name == "parameters":
+            refuse_unwritable_relations(values)
+            return values.as_dict()
+        if name == "changes":
+            return values.written()
+        return written_cue(values) if name == "cue" else asdict(values)
 
 
 SECTIONS: dict[str, tuple[str, ...]] = {
@@ -166,23 +197,28 @@ SECTIONS: dict[str, tuple[str, ...]] = {
         section.__name__.lower(): tuple(f.name for f in fields(section))
         for section in (Mesh, Initial, Time, Output)
     },
+    "changes": CHANGEABLE,
+    "cue": tuple(f.name for f in fields(Cue)),
 }
 
 
 def resolved(config: Config) -> Config:
-    """`config` with every automatic value in its place; rate is that of the parameters.
+    """`config` with every automatic value in its place; rate is that of the parameters as given.
 
-    Raises InvalidInput for times that are shorter than the shortest step.
+    Where parameters change, the default end is that long after the last of the known changes.
+    Raises InvalidInput for times that are shorter than the shortest step, and for inputs out of
+    range.
     """
     initial, time, output = config.initial, config.time, config.output
     if initial.perturbation is None:
         amplitude = polarization(config.parameters) if initial.from_frame is None else 0.0
         initial = replace(initial, perturbation=amplitude)
-    unit = 1.0 / config.parameters.rate
+    inputs, unit = config.inputs, 1.0 / config.parameters.rate
+    changed = max((0.0, *inputs.breaks)) if inputs is not None else 0.0
     longest = EXPLICIT_STEP if time.scheme == "explicit" else 0.5
     time = replace(
         time,
-        end=200 * unit if time.end is None else time.end,
+        end=changed + 200 * unit if time.end is None else time.end,
         max_step=longest * unit if time.max_step is None else time.max_step,
     )
     interval = 0.5 * unit if output.interval is None else output.interval
@@ -253,12 +289,22 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
-        if section == "parameters":
-            sections[section] = base.parameters.replace(**values)
-            continue
-        refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
-        sections[section] = replace(getattr(base, section), **values)
+        if section not in ("parameters", "changes"):  # which know their names themselves
+            refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
+        sections[section] = _changed(getattr(base, section), section, values)
     return replace(base, **sections)
+
+
+def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
+    if isinstance(before, Changes):
+        return Changes({**before, **values})
+    if isinstance(before, Parameters):
+        return before.replace(**values)
+    if section == "cue" and not isinstance(before, Cue):
+        raise InvalidInput(
+            f"[cue] must be a Cue to be changed by name, got {type(before).__name__}; leave it out"
+        )
+    return replace(before, **values)
 
 
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
@@ -302,14 +348,12 @@ def _dotted_names() -> list[str]:
 def config_to_toml(config: Config) -> str:
     """The configuration as TOML text; `config_from_toml` reads it back equal.
 
-    Raises InvalidInput for a law or a stress that a text cannot hold.
+    Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
-    refuse_unwritable_relations(config.parameters)
-    document: dict[str, Any] = {"parameters": config.parameters.as_dict()}
-    for section in SECTIONS:
-        if section != "parameters":
-            values = asdict(getattr(config, section))
-            document[section] = {k: v for k, v in values.items() if v is not None}
+    document = {
+        section: {k: v for k, v in config.section(section).items() if v is not None}
+        for section in SECTIONS
+    }
     return tomli_w.dumps(document)
 
 

@@ -70,7 +70,7 @@ def test_condition_numbers_tell_how_errors_of_the_map_change_eigenvalues():
     np.testing.assert_allclose(found.conditions, 1.0, rtol=1e-6)
 
 
-def test_it_ends_when_the_space_is_exhausted():
+def test_arnoldi_ends_when_the_space_is_exhausted():
     A = np.diag([3.0, 2.0, 1.0, 1.0])
     found = list(ritz_values(lambda x: A @ x, np.ones(4)))
     assert len(found) == 3

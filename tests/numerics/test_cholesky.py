@@ -113,7 +113,7 @@ def test_several_right_hand_sides_are_solved_as_one_by_one(count):
     assert np.array_equal(factor.solve(np.repeat(b, 2, axis=0)[::2]), x)
 
 
-def test_factors_do_not_disturb_each_other_and_repeat_bit_for_bit():
+def test_factors_are_independent_and_repeat_bit_for_bit():
     r, mesh = lumpy(2)
     entries = force_balance(r, mesh)
     b = np.random.default_rng(0).normal(size=(3 * len(r), 2))
@@ -157,7 +157,7 @@ def test_a_factor_whose_memory_would_be_used_again_is_not_copied(copied):
 
 @pytest.mark.parametrize("node", [0, 17, 161])
 @pytest.mark.parametrize("spoiled", [-1.0, 0.0, np.nan, np.inf])
-def test_matrices_that_are_not_positive_definite_are_refused(node, spoiled):
+def test_matrices_that_are_not_positive_definite_are_rejected(node, spoiled):
     r, mesh = lumpy(2)
     entries = force_balance(r, mesh)
     structure = solver(mesh)
@@ -172,7 +172,7 @@ def test_matrices_that_are_not_positive_definite_are_refused(node, spoiled):
     assert np.array_equal(structure.factor(entries).solve(np.ones(3 * len(r))), x)
 
 
-def test_an_entry_beside_the_diagonal_that_is_not_finite_is_refused():
+def test_an_off_diagonal_entry_that_is_not_finite_is_rejected():
     r, mesh = lumpy(1)
     structure = solver(mesh)
     for i, j in [(0, 1), (20, 21), (41, 40)]:
@@ -208,7 +208,7 @@ def test_pieces_touch_only_their_ancestors_and_each_other_nowhere(shape, most):
     assert all(map(np.array_equal, (order, first, parent), again))
 
 
-def test_the_first_cut_is_short_and_even():
+def test_the_first_separator_is_short_and_balanced():
     """A hexagonal mesh on a sphere of V nodes: a great circle meets about sqrt(pi V) = 0.9 more."""
     for subdivisions in (3, 4):
         _, mesh = sphere(subdivisions)

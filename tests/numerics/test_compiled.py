@@ -70,7 +70,7 @@ def test_damaged_files_are_compiled_anew_and_replaced(suffix, content, folder):
     assert sum(again.stats.cache_hits.values()) == 1
 
 
-def test_a_full_disk_is_told_once_and_costs_time_only(folder, monkeypatch):
+def test_a_full_disk_is_reported_once_and_costs_time_only(folder, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 

@@ -120,7 +120,7 @@ def test_a_curve_that_ends_stalls_instead_of_inventing_points():
 @pytest.mark.parametrize(
     "change", [{"max_step": 0.0}, {"angle": -1.0}, {"max_points": 0}, {"min_step": 0.0}]
 )
-def test_impossible_options_are_refused(change):
+def test_impossible_options_are_rejected(change):
     with pytest.raises(InvalidInput, match="got"):
         Options(**change)
 
@@ -143,7 +143,7 @@ def test_two_folds_between_neighbors_are_found():
 
 
 @pytest.mark.parametrize("beside", [1e-1, 1e-6, 1e-12])
-def test_both_solutions_beside_a_fold_are_found(beside):
+def test_both_solutions_near_a_fold_are_found(beside):
     """x^3 - 3 x = 2 - d has solutions at x = 1 -+ sqrt(d/3) near the fold."""
     begin, options = start()
     found = []

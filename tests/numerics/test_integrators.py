@@ -60,6 +60,6 @@ def test_a_solution_that_blows_up_raises():
         list(integrate(lambda y: y**2, lambda y: np.diag(2 * y), np.ones(1), control, end=2.0))
 
 
-def test_impossible_controls_are_refused():
+def test_impossible_controls_are_rejected():
     with pytest.raises(InvalidInput, match="tolerance must be > 0"):
         Control(tolerance=0.0)

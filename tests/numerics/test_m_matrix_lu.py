@@ -94,7 +94,7 @@ def test_filaments_and_their_sign_are_kept_over_many_steps(D, dt, speed):
 
 
 @pytest.mark.parametrize("tiny", [1e-14, 1e-7, 1e-6, 1e-5])
-def test_elimination_in_order_that_loses_digits_is_not_accepted(tiny):
+def test_elimination_that_loses_digits_is_not_accepted(tiny):
     """A tiny diagonal beside a skew matrix: pivots are positive, and useless without exchange."""
     _, mesh = lumpy(3)
     entries = np.random.default_rng(5).normal(size=len(mesh.columns))
@@ -106,7 +106,7 @@ def test_elimination_in_order_that_loses_digits_is_not_accepted(tiny):
     np.testing.assert_allclose(x, exact, rtol=0, atol=1e-12 * np.abs(exact).max())
 
 
-def test_matrices_that_are_not_dominated_are_solved_with_exchange_of_rows():
+def test_matrices_without_dominant_diagonal_are_solved_with_pivoting():
     mesh, entries, areas = transport_matrix(3, 0.4, 0.1, 2.0)
     solver = MMatrixLU(mesh.row_start, mesh.columns)
     b = np.random.default_rng(3).normal(size=len(areas))

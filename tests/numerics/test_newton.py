@@ -34,7 +34,7 @@ def test_a_singular_jacobian_is_not_converged():
     assert not result.converged
 
 
-def test_a_step_into_forbidden_territory_is_shortened():
+def test_a_step_out_of_the_domain_is_shortened():
     def root(x):
         if np.any(x <= 0):
             raise InvalidInput("x must be > 0")

@@ -31,7 +31,7 @@ def test_directions_are_used_again():
     assert len(calls) == before
 
 
-def test_equations_without_a_solution_are_told():
+def test_equations_without_a_solution_are_reported():
     solver = Recycling(lambda x: np.array([1.0, 0.0]) * x, 2)
     with pytest.raises(NoConvergence):
         solver.solve(np.ones(2), 1e-6)

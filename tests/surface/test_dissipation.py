@@ -70,7 +70,7 @@ def test_only_rigid_motion_dissipates_nothing():
     np.testing.assert_allclose(matrix @ rigid, 0, atol=1e-12)
 
 
-def test_contracting_sphere_dissipates_what_the_stress_says():
+def test_dissipation_of_a_contracting_sphere_is_the_power_of_its_stress():
     # v = -n on the unit sphere: strain rate -I, dissipation 4 pi (eta_b/2 2^2 + eta_s 2)
     exact = 4 * np.pi * (2 * ETA_B + 2 * ETA_S)
     sizes, errors = [], []
@@ -106,7 +106,7 @@ def test_viscous_stress_is_the_derivative_of_the_dissipation():
         np.testing.assert_allclose(np.einsum("fpq,fq->fp", stress, g.face_normals), 0, atol=1e-10)
 
 
-def test_tensile_stiffness_takes_the_pulling_part_of_a_stress():
+def test_tensile_stiffness_is_that_of_the_tensile_part_of_a_stress():
     r, mesh = lumpy(subdivisions=1)
     g = geometry(r, mesh.faces)
     v = np.random.default_rng(4).normal(size=r.shape)

@@ -23,7 +23,7 @@ def star_shaped(r, mesh):
     return bool(intersections._star_shaped(r - volume_centroid(r, mesh.faces), mesh.faces))
 
 
-def test_a_sausage_bent_into_a_ring_meets_its_own_end():
+def test_a_rod_bent_into_a_ring_self_intersects():
     """The tips meet at the whole circle."""
     for angle, meets in ((60, False), (180, False), (350, False), (365, True), (400, True)):
         r, mesh = sausage(3, np.radians(angle))
@@ -33,7 +33,7 @@ def test_a_sausage_bent_into_a_ring_meets_its_own_end():
             assert not star_shaped(r, mesh)
 
 
-def test_what_a_center_sees_from_inside_needs_no_search(monkeypatch):
+def test_a_star_shaped_surface_needs_no_search_for_intersections(monkeypatch):
     def searched(*_):
         raise LookupError
 
@@ -44,7 +44,7 @@ def test_what_a_center_sees_from_inside_needs_no_search(monkeypatch):
             embedded(r, mesh.faces[:, ::-1])  # inside out
 
 
-def test_two_spheres_into_one_another_are_not_seen_once():
+def test_two_nested_spheres_are_not_star_shaped():
     """Every triangle is seen from inside, but every direction twice."""
     r, mesh = sphere(2)
     turned = 1.01 * r @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]

@@ -205,7 +205,7 @@ def test_without_turnover_filaments_are_kept_to_second_order_in_the_mesh():
     assert order > 1.5
 
 
-def test_a_wrong_area_is_put_right_at_once():
+def test_an_error_of_the_area_is_corrected_in_one_step():
     """dA/dt = (A0 - A)/dt: left is what the last step alone did, its redistribution above all."""
     model, begin = polarizing(SOFT, 1)
     swollen = replace(begin, r=1.001 * begin.r)
@@ -268,14 +268,14 @@ def test_stiff_shapes_limit_the_step():
         ({"D": 10.0}, 0.05, "concentration is no longer >= 0"),
     ],
 )
-def test_too_long_a_step_is_refused_with_its_reason(changes, dt, says):
+def test_too_long_a_step_is_rejected_with_its_reason(changes, dt, says):
     model, begin = polarizing(SOFT, 1)
     model = Model(replace(SOFT, **changes), model.mesh)
     with pytest.raises(StepFailed, match=says):
         stepped(model, begin, dt, 200)
 
 
-def test_a_violent_step_that_loses_the_area_is_refused():
+def test_a_step_that_loses_the_area_is_rejected():
     """Above the stability limit nodes fly away and come back within steps: no silent garbage."""
     model, begin = polarizing(replace(SOFT, delta_P=1e4), 1, perturbation=3.0)
     rough = begin.r * (1 + 0.1 * np.sin(3 * begin.r[:, :1]))
@@ -283,7 +283,7 @@ def test_a_violent_step_that_loses_the_area_is_refused():
         stepped(model, replace(begin, r=rough), 1e-4, 50)
 
 
-def test_conjugate_gradients_that_do_not_settle_are_reported(monkeypatch):
+def test_conjugate_gradients_that_do_not_converge_are_reported(monkeypatch):
     model, begin = polarizing(SOFT, 1)
     monkeypatch.setattr(explicit, "MAX_ITERATIONS", 3)
     with pytest.raises(StepFailed, match="conjugate gradients"):

@@ -52,7 +52,7 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_damaged_files_are_refused_and_end_nothing(name, tmp_path, capfd):
+def test_damaged_files_are_rejected_and_do_not_end_the_program(name, tmp_path, capfd):
     content = HOSTILE[name]
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InvalidInput, match=rf"^initial\.surface must hold a surface in .*{name}"):
@@ -62,7 +62,7 @@ def test_damaged_files_are_refused_and_end_nothing(name, tmp_path, capfd):
 
 @settings(max_examples=8)
 @given(st.sampled_from(FORMATS), st.integers(0, 2**32))
-def test_a_file_with_changed_bytes_is_read_or_refused(tmp_path_factory, kind, seed):
+def test_a_file_with_changed_bytes_is_read_or_rejected(tmp_path_factory, kind, seed):
     path = write_surface(tmp_path_factory.mktemp("files") / f"cell.{kind}", *ellipsoid(1))
     content = bytearray(path.read_bytes())
     rng = np.random.default_rng(seed)
@@ -78,7 +78,7 @@ def test_a_file_with_changed_bytes_is_read_or_refused(tmp_path_factory, kind, se
         assert 0 <= file.faces.min() <= file.faces.max() < len(file.r)
 
 
-def test_what_is_no_file_is_named(tmp_path):
+def test_a_path_that_is_no_file_is_rejected_by_name(tmp_path):
     (tmp_path / "folder.stl").mkdir()
     os.mkfifo(tmp_path / "pipe.stl")
     for name, says in (
@@ -169,14 +169,14 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_what_cannot_be_read_is_refused_with_what_is_wrong(name, tmp_path):
+def test_unreadable_files_are_rejected_with_the_reason(name, tmp_path):
     content, says = REFUSED[name]
     (tmp_path / name).write_bytes(content if isinstance(content, bytes) else content.encode())
     with pytest.raises(InvalidInput, match=f"^initial.surface must hold .*{name}' does.*{says}"):
         surface_file(str(tmp_path / name), "initial.surface")
 
 
-def test_a_packed_file_and_a_large_one_are_refused_by_name_and_size(tmp_path, monkeypatch):
+def test_compressed_and_too_large_files_are_rejected(tmp_path, monkeypatch):
     (tmp_path / "cell.stl.gz").write_bytes(b"")
     with pytest.raises(InvalidInput, match=r"of type \.stl, .*cell\.stl\.gz'; unpack it"):
         surface_file(str(tmp_path / "cell.stl.gz"), "initial.surface")

@@ -32,7 +32,7 @@ from surface.shapes import lumpy, observed_orders
 @pytest.mark.parametrize(
     "p", [Parameters(), Parameters(alpha=0.2, law="inverse", eta_b=2.0, R0=2.0, delta_P=40.0)]
 )
-def test_homogeneous_sphere_rests_and_its_tension_converges(p):
+def test_a_homogeneous_sphere_is_at_rest_and_its_tension_converges(p):
     """v_c = -v_p(c0) n, zeta0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 + alpha c0."""
     sizes, tension_errors, flows = [], [], []
     for subdivisions in (2, 3, 4):
@@ -136,7 +136,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     assert np.abs(moved).max() / (2 * h) < 1e-3 * np.abs(v).max()
 
 
-def test_implicit_tension_is_tension_and_what_pulls_of_the_viscous_stress():
+def test_implicit_tension_is_tension_plus_the_tensile_viscous_stress():
     r, mesh = lumpy(subdivisions=1)
     model, g = Model(Parameters(), mesh), geometry(r, mesh.faces)
     v_c = np.random.default_rng(8).normal(size=r.shape)
@@ -156,7 +156,7 @@ def test_normal_force_is_normal_up_to_rigid_parts_and_balanced():
     assert np.linalg.norm(tangential) < 0.02 * np.linalg.norm(force)
 
 
-def test_the_response_to_tension_keeps_the_frame_and_balances_it_on_the_factorized_shape():
+def test_the_response_to_tension_solves_the_balance_of_the_factorized_shape():
     """(K + normal resistance) slope = -tension force + what keeps translation and rotation."""
     r, mesh = lumpy()
     p, dt = Parameters(), 0.3

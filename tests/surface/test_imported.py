@@ -13,12 +13,12 @@ from surface.written import BAD, crossing, ellipsoid, flat, two_spheres, unused
 @pytest.mark.parametrize(
     ("make", "says"), [*BAD.items(), (unused, "1 of 163 points"), (flat, "degenerate")]
 )
-def test_a_surface_that_is_no_cell_is_refused_with_its_reason(make, says):
+def test_a_surface_that_is_no_cell_is_rejected_with_its_reason(make, says):
     with pytest.raises(InvalidInput, match=rf"^this surface must .*{says}.*; "):
         check_surface(*make(), "this surface")
 
 
-def test_spheres_inside_each_other_and_overlapping_spheres_are_refused():
+def test_nested_and_overlapping_spheres_are_rejected():
     r, faces = two_spheres((0.0, 0.0, 0.0))
     r[len(r) // 2 :] *= 0.5
     with pytest.raises(InvalidInput, match="one piece, got 2"):
@@ -118,7 +118,7 @@ def test_repeated_points_are_merged_and_only_those():
     check_surface(nodes, triangles, "x")
 
 
-def test_where_the_crossing_is_named():
+def test_intersecting_triangles_are_named():
     r, faces = crossing()
     with pytest.raises(InvalidInput) as refusal:
         check_surface(r, faces, "x")

@@ -86,7 +86,7 @@ def test_degree_one_is_the_perturbation_along_an_axis():
     np.testing.assert_allclose(both.c, mixed.c, rtol=1e-14)
 
 
-def test_harmonics_that_do_not_fit_are_refused():
+def test_harmonics_beyond_the_mesh_are_rejected():
     model, rest = sphere(Parameters(), 1)
     with pytest.raises(InvalidInput, match=r"\(l \+ 1\)\^2 <= 42 nodes, got l = 6"):
         perturbed(model, rest, Initial(perturbation=0.0, harmonics=((6, 0, 0.1),)))
@@ -144,7 +144,7 @@ BAD_FILES = [
 
 
 @pytest.mark.parametrize(("make", "says", "kind"), BAD_FILES)
-def test_files_with_bad_surfaces_are_refused(make, says, kind, tmp_path):
+def test_files_with_bad_surfaces_are_rejected(make, says, kind, tmp_path):
     path = write_surface(tmp_path / f"bad.{kind}", *make())
     with pytest.raises(InvalidInput, match=rf"^initial\.surface = .*bad\.{kind}' must .*{says}"):
         start(config_of(path))
@@ -185,7 +185,7 @@ def frame(tmp_path_factory):
     return path, model, step
 
 
-def test_a_frame_goes_on_with_its_shape_and_concentration(frame):
+def test_a_run_continues_from_the_shape_and_concentration_of_a_frame(frame):
     path, model, step = frame
     again, state = initial_state(resolved(Config(initial=Initial(from_frame=str(path)))))
     assert state.t == 0
@@ -231,7 +231,7 @@ def test_a_steady_frame_is_steady(tmp_path):
     np.testing.assert_allclose(last.state.c, first.state.c, rtol=1e-4)
 
 
-def test_a_file_that_is_no_frame_is_refused(tmp_path):
+def test_a_file_that_is_no_frame_is_rejected(tmp_path):
     r, faces = ellipsoid()
     fields = {"t": 1.0, "zeta0": 150.0}
     for c, more, says in (

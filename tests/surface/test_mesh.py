@@ -54,13 +54,13 @@ def test_pattern_and_slots_agree():
         (TETRAHEDRON + 1, "unused node"),
     ],
 )
-def test_surfaces_that_are_not_closed_are_refused(faces, says):
+def test_surfaces_that_are_not_closed_are_rejected(faces, says):
     with pytest.raises(InvalidInput, match=says):
         connectivity(faces)
 
 
 @pytest.mark.parametrize("subdivisions", [2, 3, 4])
-def test_even_mesh_is_at_rest_and_well_shaped(subdivisions):
+def test_uniform_icosphere_is_relaxed_and_well_shaped(subdivisions):
     r, mesh = sphere(subdivisions)
     g = geometry(r, mesh.faces)
     assert np.abs(relaxation(r, g, mesh)).max() < 1e-9
@@ -69,7 +69,7 @@ def test_even_mesh_is_at_rest_and_well_shaped(subdivisions):
 
 
 @pytest.mark.parametrize("subdivisions", [0, 1, 3, 4])
-def test_even_mesh_is_the_icosphere_relaxed(subdivisions):
+def test_uniform_icosphere_is_the_relaxed_icosphere(subdivisions):
     """The way over coarser meshes leads where the icosphere itself goes, node by node."""
     r, faces = uniform_icosphere(subdivisions)
     start, expected_faces = icosphere(subdivisions)
@@ -86,7 +86,7 @@ def test_faces_are_listed_along_the_nodes():
         assert np.all(np.diff(first) >= 0)
 
 
-def test_relaxation_is_tangential_and_evens_out():
+def test_relaxation_is_tangential_and_makes_triangles_uniform():
     r, mesh = sphere(2)
     rng = np.random.default_rng(1)
     r = r + 0.03 * rng.normal(size=r.shape)

@@ -63,7 +63,7 @@ def lowest_resistance(r, mesh, share):
     return float(eigh(matrix, eigvals_only=True, subset_by_index=[0, 0])[0])
 
 
-def test_the_shapes_are_what_they_say():
+def test_the_test_shapes_have_the_claimed_area_and_curvature():
     for shape in (*SHAPES.values(), *DEEP.values()):
         r, mesh = shape(3)
         assert area(r, mesh.faces) == pytest.approx(4 * np.pi, rel=1e-12)
@@ -78,7 +78,7 @@ def test_the_shapes_are_what_they_say():
     assert np.ptp([x.max() for x in found]) < 0.02
 
 
-def test_saddles_leave_a_membrane_without_resistance_and_the_treatment_restores_it():
+def test_normal_viscosity_restores_the_resistance_of_saddles():
     """Without it the lowest eigenvalue falls with the mesh, towards zero; with it it does not."""
     r, mesh = sphere(2)
     plain = lowest_resistance(r, mesh, 0.0)
@@ -94,7 +94,7 @@ def test_saddles_leave_a_membrane_without_resistance_and_the_treatment_restores_
 
 
 @pytest.mark.slow
-def test_saddles_on_a_finer_mesh():
+def test_normal_viscosity_restores_the_resistance_of_saddles_on_a_finer_mesh():
     for name, shape in DEEP.items():
         without = [lowest_resistance(*shape(s), 0.0) for s in (2, 3)]
         treated = [lowest_resistance(*shape(s), NORMAL_VISCOSITY) for s in (2, 3)]
@@ -156,7 +156,7 @@ def test_a_run_from_saddles_works_and_its_steps_are_second_order(name, delta_P):
         assert abs(order - 2) < 0.2, (what, changes, order)
 
 
-def test_a_step_makes_a_new_factorization_where_the_old_one_does_not_do(monkeypatch):
+def test_a_step_factorizes_again_if_its_iteration_does_not_converge(monkeypatch):
     """Deep saddles: the resistance of the softest motions changes as they happen."""
     p = Parameters(D=0.4, v_p0=6.0, delta_P=11.0)
     r, mesh = three_lobed(2)

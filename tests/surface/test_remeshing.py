@@ -60,7 +60,7 @@ def edge_lengths(model, state):
     return edges(state.r, model.mesh.faces).length / model.edge_length
 
 
-def test_a_mesh_in_order_is_left_alone():
+def test_an_acceptable_mesh_is_not_changed():
     model, rest = sphere(SOFT, 2)
     new, state = remeshed(model, rest)
     assert new is model
@@ -86,7 +86,7 @@ def test_a_mesh_is_changed_late_and_then_thoroughly():
 
 @settings(max_examples=10)
 @given(factor=st.floats(2.0, 2.4), seed=st.integers(0, 1000))
-def test_a_stretched_mesh_is_put_in_order_and_keeps_what_it_carries(factor, seed):
+def test_remeshing_a_stretched_mesh_conserves_filaments_and_area(factor, seed):
     model, state = stretched(factor, seed=seed)
     new, now = remeshed(model, state)
     assert new is not model
@@ -104,7 +104,7 @@ def test_a_stretched_mesh_is_put_in_order_and_keeps_what_it_carries(factor, seed
     assert now.c.min() >= 0
 
 
-def test_flips_make_room_for_the_collapses_that_were_refused():
+def test_flips_allow_collapses_that_were_not_possible_before():
     """What the first round cannot do a second one does: the mesh is well in order."""
     for seed in range(8):
         model, state = stretched(2.2, seed=seed)
@@ -117,7 +117,7 @@ def test_flips_make_room_for_the_collapses_that_were_refused():
         assert distortion(now.r, new.mesh.faces, new.edge_length) < 0.9
 
 
-def test_every_change_keeps_the_filaments_exactly_and_the_rest_untouched():
+def test_every_change_conserves_filaments_and_leaves_other_nodes_untouched():
     model, state = stretched(2.0)
     for find in (splits, collapses, flips):
         change = find(state.r, model.mesh.faces, model.edge_length)
@@ -167,7 +167,7 @@ def test_a_node_that_would_lose_too_many_neighbors_keeps_its_edges():
         assert model.mesh.valence.min() >= 4
 
 
-def test_a_mesh_changes_for_the_better_or_not_at_all():
+def test_a_mesh_is_changed_only_if_it_improves():
     """Ellipsoids up to needles: some cannot be put in order, and must not change for ever."""
     changed = 0
     for factor in np.linspace(1.8, 3.5, 18):
@@ -198,7 +198,7 @@ def test_a_folding_cell_seldom_changes_its_mesh():
     assert step.ended == "end of time"
 
 
-def test_a_run_goes_on_through_changes_of_its_mesh():
+def test_a_run_continues_through_changes_of_its_mesh():
     """A soft cell deforms until its mesh must change: area and filaments are kept throughout."""
     p = Parameters(D=0.4, v_p0=8.0, delta_P=2.0, beta=0.0)
     config = Config(
@@ -301,7 +301,7 @@ def needle(subdivisions=3, aspect=20.0):
     return model, replace(rest, r=r)
 
 
-def test_a_strongly_stretched_mesh_is_put_in_order_in_more_than_one_sweep():
+def test_a_strongly_stretched_mesh_needs_more_than_one_sweep():
     """Twenty times as long as wide: one sweep makes it worse, another one better than it was."""
     model, state = needle()
     one, _, faces = swept(state.r, state.c, model.mesh.faces, model.edge_length)
@@ -318,7 +318,7 @@ def test_a_strongly_stretched_mesh_is_put_in_order_in_more_than_one_sweep():
     )
 
 
-def test_an_attempt_in_vain_is_remembered_until_an_edge_has_changed(monkeypatch):
+def test_an_unsuccessful_attempt_is_remembered_until_an_edge_has_changed(monkeypatch):
     """A mesh that nothing mends is tried once, not at every step."""
     attempts = []
 
@@ -349,7 +349,7 @@ def test_a_mesh_is_due_again_only_after_it_has_changed():
     assert not due(rest_model, rest, None)
 
 
-def test_a_triangle_folded_over_its_neighbor_is_mended():
+def test_a_triangle_folded_over_its_neighbor_is_repaired():
     r, mesh = unit_sphere(2)
     # one corner beyond the middle of the opposite edge: a cap that looks inward
     a, b, c = mesh.faces[0]

@@ -64,7 +64,7 @@ def marching_cubes(n, half_width=18.0):
     ("grid", "subdivisions"),
     [pytest.param(67, 3, marks=pytest.mark.slow), (31, 1), (31, 2), (31, 4)],
 )
-def test_a_marching_cubes_surface_becomes_an_even_mesh_of_the_wanted_size(grid, subdivisions):
+def test_a_marching_cubes_surface_becomes_a_uniform_mesh_of_the_wanted_size(grid, subdivisions):
     """Of 10 000 points, as scikit-image gives them, and of 2000; all have slivers."""
     r, faces = marching_cubes(grid)
     assert grid < 67 or 9000 < len(r) < 11000
@@ -87,7 +87,7 @@ def test_a_marching_cubes_surface_becomes_an_even_mesh_of_the_wanted_size(grid, 
     assert f"remeshed {len(r)} points as {len(new)}" in remeshed
 
 
-def test_repair_knows_no_unit():
+def test_repair_does_not_depend_on_units():
     """The same mesh for a cell in meters and micrometers, the same shape far from the origin."""
     r, faces = marching_cubes(31)
     first, first_faces, _ = repaired(r, faces, 162, "x")
@@ -111,7 +111,7 @@ def soup(r, faces, rng, digits):
 
 
 @pytest.mark.parametrize("scale", [1e-5, 1.0, 1e7])
-def test_points_that_differ_in_the_last_digit_are_joined_and_told(scale):
+def test_points_that_differ_by_rounding_are_joined_and_reported(scale):
     r, faces = ellipsoid()
     rng = np.random.default_rng(1)
     apart, own = soup(scale * (r + np.array([3, 0, -2])), faces, rng, 6)
@@ -126,7 +126,7 @@ def test_points_that_differ_in_the_last_digit_are_joined_and_told(scale):
         check_surface(*joined(*soup(r, faces, rng, 4))[:2], "x")
 
 
-def test_points_are_not_joined_across_what_a_surface_far_away_has_for_edges():
+def test_distinct_points_of_a_surface_far_from_the_origin_are_not_joined():
     """Double precision tells points apart that single precision would not."""
     r, faces = hemisphere()
     assert joined(r + 1e9, faces)[2] == ()
@@ -155,7 +155,7 @@ def repeated():
         (repeated, "removed 8 triangles"),
     ],
 )
-def test_what_can_be_mended_is_mended_and_named(make, says):
+def test_repairs_are_made_and_reported(make, says):
     r, faces = make()
     new, new_faces, changes = repaired(r, faces, 162, "x")
     check_surface(new, new_faces, "x")
@@ -166,7 +166,7 @@ def test_what_can_be_mended_is_mended_and_named(make, says):
         check_surface(r, faces, "x")
 
 
-def test_a_surface_in_order_is_left_as_it_is():
+def test_an_acceptable_surface_is_not_repaired():
     r, faces = ellipsoid()
     new, new_faces, changes = repaired(r, faces, 642, "x")
     assert changes == ()
@@ -185,12 +185,12 @@ def test_a_surface_in_order_is_left_as_it_is():
         (crossing, "must not intersect or touch itself"),
     ],
 )
-def test_what_nobody_can_know_is_refused_also_with_repair(make, says):
+def test_ambiguous_surfaces_are_rejected_also_with_repair(make, says):
     with pytest.raises(InvalidInput, match=f"^x .*{says}"):
         repaired(*make(), 162, "x")
 
 
-def test_a_crossing_is_seen_before_a_coarser_mesh_hides_it():
+def test_a_self_intersection_is_found_before_remeshing_removes_it():
     """A dent so deep that it comes out on the other side."""
     r, faces = marching_cubes(31)
     x, y, z = (r - r.mean(axis=0)).T
@@ -199,7 +199,7 @@ def test_a_crossing_is_seen_before_a_coarser_mesh_hides_it():
         repaired(r, faces, 162, "x")
 
 
-def test_refusals_name_the_option_and_repair_starts_a_cell(tmp_path):
+def test_messages_name_the_option_repair_and_the_repaired_cell_starts(tmp_path):
     path = write_surface(tmp_path / "cell.stl", *marching_cubes(31))
     with pytest.raises(InvalidInput, match=r"initial\.repair = true"):
         initial_condition(resolved(Config(initial=Initial(surface=str(path)))))
@@ -217,7 +217,7 @@ def test_refusals_name_the_option_and_repair_starts_a_cell(tmp_path):
         assert f"= {begin.model.A0:.6g}" in begin.adapted.scaling
 
 
-def test_what_repair_cannot_do_does_not_name_it(tmp_path):
+def test_messages_about_unrepairable_surfaces_do_not_name_repair(tmp_path):
     path = write_surface(tmp_path / "cell.stl", *hemisphere())
     with pytest.raises(InvalidInput) as refusal:
         initial_condition(resolved(Config(initial=Initial(surface=str(path)))))
@@ -232,7 +232,7 @@ def test_polygons_and_corners_of_a_cube_are_remeshed():
     assert volume(new, new_faces) == pytest.approx(64.0, rel=0.04)
 
 
-def test_more_points_than_can_be_repaired_in_minutes_are_refused(monkeypatch):
+def test_too_many_points_for_a_repair_are_rejected(monkeypatch):
     monkeypatch.setattr(repair, "MAX_POINTS", 100)
     with pytest.raises(InvalidInput, match="at most 100 points to be repaired, got 162; decimate"):
         repaired(*inside_out(), 162, "x")

@@ -83,7 +83,7 @@ def resting(p, subdivisions):
         (Parameters(D=0.8, v_p0=5.0, beta=2.0, R0=2.0, eta_b=3.0), 0.02),
     ],
 )
-def test_of_the_sphere_it_is_that_of_linear_theory(p, error):
+def test_growth_rate_of_sphere_matches_linear_theory(p, error):
     found = leading_growth_rate(*resting(p, 2)).rate
     exact = max(float(growth_rate(p, 1)), -p.beta if p.beta > 0 else -np.inf)
     print(found, exact)
@@ -95,7 +95,7 @@ def test_of_the_sphere_it_is_that_of_linear_theory(p, error):
     [(STIFF, 0.01), (SOFT, 0.09), (TURNS, 0.16), (NO_TURNOVER, 0.02)],
     ids=["stiff", "soft", "turns", "no turnover"],
 )
-def test_of_a_polarized_cell_it_is_that_of_the_axisymmetric_spectrum(p, error):
+def test_growth_rate_of_polarized_cell_matches_axisymmetric_spectrum(p, error):
     """The errors are those of 162 nodes.
 
     That of the stiff cell is 0.015 if nodes that move aside are taken for a change of c.
@@ -109,7 +109,7 @@ def test_of_a_polarized_cell_it_is_that_of_the_axisymmetric_spectrum(p, error):
     assert np.sign(found) == np.sign(exact)
 
 
-def test_it_does_not_depend_on_the_length_of_the_step():
+def test_growth_rate_does_not_depend_on_the_length_of_the_step():
     for step in (still(STIFF, 2), still(SOFT, 2)):
         found = [rate_of(step, dt, max_error=1e-3) for dt in (0.05, 0.1, 1.0)]
         assert max(found) - min(found) < 2e-3
@@ -121,7 +121,7 @@ def turned(model: Model, state: State) -> tuple[Model, State]:
     return model, replace(state, r=2.0 + state.r @ axes.T)
 
 
-def test_it_does_not_depend_on_where_the_cell_is_and_heads():
+def test_growth_rate_does_not_depend_on_position_and_direction():
     step = still(TURNS, 2)
     model, state = turned(step.model, step.state)
     found = leading_growth_rate(model, state, flow_of(model, state, 0.1))
@@ -143,7 +143,7 @@ def test_errors_are_known_where_the_map_is_far_from_normal():
         assert found.error > 50 * tolerance
 
 
-def test_of_a_rate_that_does_not_settle_the_error_is_known(monkeypatch):
+def test_growth_rate_that_does_not_converge_has_a_known_error(monkeypatch):
     step = still(STIFF, 2)
     monkeypatch.setattr(stability, "MIN_APPLICATIONS", 4)
     monkeypatch.setattr(stability, "MAX_APPLICATIONS", 4)
@@ -152,7 +152,7 @@ def test_of_a_rate_that_does_not_settle_the_error_is_known(monkeypatch):
     assert abs(found.rate - rate_of(step, max_error=1e-3)) < found.error
 
 
-def test_where_nothing_decays_slowly_enough_it_says_so(monkeypatch):
+def test_missing_slow_modes_are_reported(monkeypatch):
     step = still(STIFF, 1)
     monkeypatch.setattr(stability, "MIN_FACTOR", 2.0)
     found = leading_growth_rate(step.model, step.state, step.flow)
@@ -160,7 +160,7 @@ def test_where_nothing_decays_slowly_enough_it_says_so(monkeypatch):
     assert "no perturbation was found" in found.problem
 
 
-def test_where_no_step_can_be_made_it_is_not_known(monkeypatch):
+def test_growth_rate_is_unknown_if_no_step_can_be_made(monkeypatch):
     def failing(*_):
         raise NoConvergence("no step")
 
@@ -177,7 +177,7 @@ def test_where_no_step_can_be_made_it_is_not_known(monkeypatch):
     # translations; those and two rotations, the third is around the axis of symmetry
     [(Parameters(D=0.4, v_p0=5.0), 3), (STIFF, 5)],
 )
-def test_motions_that_do_not_change_the_cell_are_no_disturbances(p, motions):
+def test_rigid_motions_that_do_not_change_the_cell_are_not_excluded(p, motions):
     model, state = still(p, 3).model, still(p, 3).state
     g = geometry(state.r, model.mesh.faces)
     slope = gradient(state.c, g, model.mesh) / (p.c0 + state.c)[:, None]
@@ -291,13 +291,13 @@ def test_rates_of_swept_and_emptied_cells_are_found(p, subdivisions, error):
     assert found.error < 0.2 * abs(found.rate)
 
 
-def test_it_repeats_bit_for_bit():
+def test_growth_rate_repeats_bit_for_bit():
     step = still(SOFT, 2)
     a, b = (leading_growth_rate(step.model, step.state, step.flow) for _ in range(2))
     assert a == b
 
 
-def test_rigid_motions_are_neutral_and_left_out(monkeypatch):
+def test_rigid_motions_are_neutral_and_excluded(monkeypatch):
     """A stable cell seems neutral, within the error of the mesh, if they are not."""
     step = still(STIFF, 2)
     n = 2 * step.model.mesh.n_nodes
@@ -305,7 +305,7 @@ def test_rigid_motions_are_neutral_and_left_out(monkeypatch):
     assert abs(rate_of(step)) < 0.1
 
 
-def test_of_all_modes_it_is_the_one_that_grows_fastest():
+def test_growth_rate_is_that_of_the_fastest_growing_mode():
     """Not the one with the largest factor: here one that oscillates, before one at -beta.
 
     It is none of the cell but of its mesh, on which it does grow in steps of a twentieth.
@@ -321,7 +321,7 @@ def test_of_all_modes_it_is_the_one_that_grows_fastest():
     assert found.rate > 0.05
 
 
-def test_a_rate_that_looks_found_too_early_is_not_taken(monkeypatch):
+def test_growth_rate_is_not_accepted_too_early(monkeypatch):
     factors = [0.5] * 5 + [0.9] * 5
     one = np.ones((1, 1), complex)
     found = [Ritz(np.array([mu + 0j]), np.zeros(1), np.ones(1), one, [one]) for mu in factors]
@@ -334,7 +334,7 @@ def test_a_rate_that_looks_found_too_early_is_not_taken(monkeypatch):
 @pytest.mark.parametrize(
     "failure", [stability.NoConvergence, stability.SingularMatrix, stability.InvalidInput]
 )
-def test_steps_that_fail_are_tried_shorter(failure, monkeypatch):
+def test_failed_steps_are_repeated_with_a_shorter_length(failure, monkeypatch):
     tried, real = [], stability.LinearizedStep
 
     def failing(model, state, flow, dt):

@@ -145,7 +145,7 @@ def test_area_and_without_turnover_filaments_are_kept_over_a_whole_run(
         assert found == pytest.approx(number, rel=1e-12)
 
 
-def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
+def test_c_does_not_move_if_only_the_mesh_drifts(monkeypatch):
     """A distorted mesh drifts back so fast that no filament moves: c at a place must stay."""
     monkeypatch.setattr(stepping, "MESH_RELAXATION", 1e5)
     p = Parameters(beta=0, D=0, v_p0=0.1, law="v_p0 + 0*c")
@@ -172,7 +172,7 @@ def test_c_stays_where_it_is_when_only_the_mesh_drifts(monkeypatch):
     assert ratios[-1] < ratios[0]
 
 
-def test_an_oblique_soft_cell_comes_to_rest_although_its_mesh_turns_it():
+def test_an_oblique_soft_cell_becomes_steady_although_its_mesh_rotates_it():
     """No force holds the axis: the mesh omega it, at a rate that never falls below STEADY."""
     config = Config(
         parameters=replace(POLARIZED, delta_P=11.0),
@@ -217,7 +217,7 @@ def test_a_homogeneous_cell_starts_at_rest_at_any_pressure(delta_P):
     assert flow.zeta0 == pytest.approx(float(base_tension(p)), rel=0.02)
 
 
-def test_units_do_not_matter():
+def test_a_step_does_not_depend_on_units():
     """The same cell in micrometers, seconds and filaments per square micrometer."""
     length, time_, force, density = 10.0, 7.0, 3.0, 400.0
     scaled = Parameters(
@@ -284,7 +284,7 @@ def test_everything_is_second_order_in_time(delta_P):
         assert abs(order - 2) < 0.2, name
 
 
-def test_the_passes_solve_the_implicit_equations(monkeypatch):
+def test_the_iteration_solves_the_implicit_equations(monkeypatch):
     """What further passes would change is a small part of what the first ones did."""
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
     begin = perturbed(model, rest, Initial(perturbation=2.0))
@@ -301,7 +301,7 @@ def test_the_passes_solve_the_implicit_equations(monkeypatch):
     assert 0 < left < 0.12 * distance
 
 
-def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
+def test_remaining_error_of_the_iteration_is_a_share_of_the_error_of_the_step(monkeypatch):
     """Also where steps are so short that the first change is large beside it."""
     model, rest = sphere(replace(POLARIZED, delta_P=11.0), 1)
     history = (perturbed(model, rest, Initial(perturbation=2.0)),)
@@ -320,7 +320,7 @@ def test_what_the_passes_leave_is_a_share_of_the_error_of_the_step(monkeypatch):
 
 
 @pytest.mark.parametrize("delta_P", [11.0, 300.0])
-def test_a_start_knows_its_error(delta_P):
+def test_error_estimate_of_a_step_without_a_past(delta_P):
     """Two implicit Euler steps of half the length: as far from exact as from one whole step."""
     model, rest = sphere(replace(POLARIZED, delta_P=delta_P), 1)
     now = perturbed(model, rest, Initial(perturbation=2.0))
@@ -332,7 +332,7 @@ def test_a_start_knows_its_error(delta_P):
     assert 0.8 < error / exact < 1.25
 
 
-def test_passes_that_do_not_settle_are_no_step():
+def test_a_step_whose_iteration_does_not_converge_fails():
     def passes(*changes):
         # each begins where the one before ended
         ends = np.concatenate([[0.0], np.cumsum(changes)])
@@ -349,7 +349,7 @@ def test_passes_that_do_not_settle_are_no_step():
             stepping._converged(passes(1.0, broken), 1.0)
 
 
-def test_folded_and_degenerate_meshes_are_no_step():
+def test_a_step_to_a_folded_or_degenerate_mesh_fails():
     model, rest = sphere(POLARIZED, 1)
     stepping.check_step(model, rest, rest)
     a, b, _ = model.mesh.faces[0]
@@ -363,7 +363,7 @@ def test_folded_and_degenerate_meshes_are_no_step():
         stepping.check_step(model, replace(rest, r=flat), replace(rest, r=flat))
 
 
-def test_a_disturbed_mesh_evens_out():
+def test_a_distorted_mesh_becomes_uniform():
     model, rest = sphere(POLARIZED, 1)
     x, y, z = rest.r.T
     r = rest.r + 0.15 * np.column_stack([y * z, np.sin(2 * x), x * y])
@@ -399,7 +399,7 @@ def test_nothing_that_is_not_finite_is_accepted(field):
         semi_implicit_step(model, (replace(rest, **{field: values}),), 0.1)
 
 
-def test_no_overshoot_leads_to_a_negative_concentration(monkeypatch):
+def test_no_anderson_step_leads_to_a_negative_concentration(monkeypatch):
     """A law may not be defined there."""
     model, rest = sphere(POLARIZED, 1)
     begin = perturbed(model, rest, Initial(perturbation=2.99))

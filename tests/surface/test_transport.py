@@ -19,7 +19,7 @@ from surface.shapes import lumpy, observed_orders, sphere
 
 
 @given(seed=st.integers(0, 10**6), dt=st.floats(1e-4, 10.0))
-def test_without_turnover_no_filament_is_lost(seed, dt):
+def test_without_turnover_filaments_are_conserved(seed, dt):
     r, mesh = lumpy(seed=seed)
     rng = np.random.default_rng(seed)
     model = Model(Parameters(beta=0, D=0.1), mesh)

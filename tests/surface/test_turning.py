@@ -48,7 +48,7 @@ def errors_of(steps):
     return np.array(way_of(steps)) / (TURNING, SPEED, RADIUS) - 1.0
 
 
-def test_a_circling_cell_rests_on_its_nodes_and_its_steps_add_no_error():
+def test_a_cell_on_a_circular_path_is_at_rest_relative_to_its_nodes():
     steps = circling(2, 60.0)
     last = [step for step in steps if step.state.t > 50.0]
     turning, *_ = way_of(last)
@@ -76,7 +76,7 @@ def test_a_circling_cell_rests_on_its_nodes_and_its_steps_add_no_error():
     assert abs(way_of(shorter)[0] / turning - 1.0) < 0.02
 
 
-def test_nodes_do_not_turn_with_a_straight_cell():
+def test_nodes_do_not_rotate_with_a_straight_cell():
     p = replace(CIRCLES, v_p0=6.5, delta_P=300.0)
     config = Config(parameters=p, mesh=Mesh(subdivisions=2), time=Time(end=8.0))
     *_, last = evolve(start(config), config.time)

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import accumulate
 
+from amoeboid.axisymmetric.force_balance import refuse_cue
 from amoeboid.axisymmetric.onset import branch_tangent, onsets, onsets_anywhere
 from amoeboid.axisymmetric.paths import SAME
 from amoeboid.axisymmetric.progress import Watch, unwatched
@@ -96,8 +97,10 @@ def branch_from_state(
     """The branch in the parameter `name` that passes through a steady state, inside the window.
 
     It is followed from the state in `direction` of the parameter and through its folds, outside the
-    window too; the other side of the state is not followed.
+    window too; the other side of the state is not followed. Raises InvalidInput for a state under a
+    cue.
     """
+    refuse_cue(state.cue, "a branch of steady states")
     window = Window.of(window)
     p, value = state.parameters, state.parameters.value(name)
     size = max(abs(value), window.high - window.low)

@@ -18,7 +18,13 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell, heights, volume
-from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
+from amoeboid.axisymmetric.force_balance import (
+    forces,
+    speed,
+    stress,
+    transport,
+    with_cue,
+)
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.axisymmetric.steady import (
@@ -29,6 +35,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
 )
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.numerics.derivatives import Dual, stacked
 from amoeboid.numerics.integrators import Control, StepTooSmall, integrate
@@ -61,6 +68,7 @@ class Instant(Measured):
     length_scale: float
     zeta0: float
     rate: float
+    cue: Cue | None = None
 
     @property
     def shape(self) -> Shape:
@@ -73,28 +81,30 @@ class Instant(Measured):
     @cached_property
     def cell(self) -> AxisymmetricCell:
         """The instant as observables see it."""
-        g, p = grid(self.n), self.parameters
+        g, p, here = grid(self.n), self.parameters, self.shape
         u, V, c = g.odd_values @ self.u, g.even_values @ self.V, g.even_values @ self.c
-        return AxisymmetricCell(p, self.shape, c, u, V, p.v_p(c), self.zeta0)
+        v_p = speed(here, c, with_cue(p.point(), self.cue))
+        return AxisymmetricCell(p, here, c, u, V, v_p, self.zeta0)
 
     def as_guess(self) -> SteadySolution:
         """This instant as a guess for the steady state nearby (not converged)."""
         scalars = [self.length_scale, self.zeta0, 0.0, 0.0]
         x = np.concatenate([self.psi, self.u, self.c, scalars])
-        return SteadySolution(self.parameters, self.n, x, False, ())
+        return SteadySolution(self.parameters, self.n, x, False, (), cue=self.cue)
 
 
 @dataclass(frozen=True)
 class Dynamics:
-    """y' = rate(y) for one parameter point and n points."""
+    """y' = rate(y) for one parameter point and n points, and a cue along the axis or None."""
 
     parameters: Parameters
     n: int = MODES
+    cue: Cue | None = None
 
     @cached_property
     def point(self) -> ParameterPoint:
         """The parameters as plain attributes."""
-        return self.parameters.point()
+        return with_cue(self.parameters.point(), self.cue)
 
     def rate(self, y: Array) -> Array:
         """dy/dt, shape (2 n - 2,)."""
@@ -160,7 +170,7 @@ class Dynamics:
         here, c, _ = closed
         p = self.point
         tangential, normal = forces(here, stress(here, u, w, c, zeta0, p), axial, p)
-        V = w + speed(c, p)
+        V = w + speed(here, c, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
         s = Magnitudes.of(self.parameters)
@@ -187,7 +197,7 @@ class Dynamics:
     def _rates(self, closed: Any, u: Any, w: Any) -> Any:
         here, c, _ = closed
         p, g, n = self.point, grid(self.n), self.n
-        V = w + speed(c, p)
+        V = w + speed(here, c, p)
         slide = -(g.integral @ (here.psi_slope * V))
         turning = here.kappa_1 * slide - here.even_slope(V)
         c_rate = slide * here.even_slope(c) - c * here.curvature_sum * V + transport(here, c, u, p)
@@ -203,13 +213,13 @@ class Dynamics:
         here, c, coefficients = self.closed(y)
         n, g = self.n, grid(self.n)
         q = self._velocities((here, c, coefficients))
-        u, V = g.odd_values @ q[:n], g.even_values @ q[n : 2 * n] + speed(c, self.point)
+        u, V = g.odd_values @ q[:n], g.even_values @ q[n : 2 * n] + speed(here, c, self.point)
         center = float(here.surface_integral(V * heights(here))[0]) / volume(here)
         u, V = g.to_odd @ (u + center * here.sin_psi), g.to_even @ (V - center * here.cos_psi)
         rate = float(np.sqrt(np.mean((self.rate(y) / self.scales()) ** 2)))
         return Instant(
             self.parameters, t, n, y, coefficients, u, V, y[n - 2 :],
-            float(here.scale[0]), float(q[2 * n]), rate,
+            float(here.scale[0]), float(q[2 * n]), rate, self.cue,
         )  # fmt: skip
 
     def resolved(self, y: Array) -> bool:
@@ -222,7 +232,7 @@ class Dynamics:
         """Twice the points, and y on them."""
         n = 2 * self.n
         halves = resized(y[: self.n - 2], n - 2), resized(y[self.n - 2 :], n)
-        return Dynamics(self.parameters, n), np.concatenate(halves)
+        return replace(self, n=n), np.concatenate(halves)
 
 
 def perturbed_sphere(
@@ -255,15 +265,20 @@ def state_of(state: SteadySolution) -> Array:
 
 
 def evolve(
-    p: Parameters, y: Array, end: float = np.inf, control: Control | None = None
+    p: Parameters,
+    y: Array,
+    end: float = np.inf,
+    control: Control | None = None,
+    cue: Cue | None = None,
 ) -> Iterator[Instant]:
     """The cell from the state y at t = 0 on, one instant a step, the first one included.
 
     The number of points doubles when the series need it. Raises StepTooSmall if the error cannot
     be controlled or MAX_MODES do not resolve the state, InvalidInput for an impossible start.
-    `control` has its steps in the units of p; left out, they are measured in 1/p.rate.
+    `control` has its steps in the units of p; left out, they are measured in 1/p.rate. `cue`: one
+    along the axis, towards the pole x = 0 for the direction (0, 0, 1).
     """
-    dynamics = Dynamics(p, (y.size + 2) // 2)
+    dynamics = Dynamics(p, (y.size + 2) // 2, cue)
     base = control or Control(first_step=FIRST_STEP / p.rate, min_step=MIN_STEP / p.rate)
     t, step = 0.0, base.first_step
     yield dynamics.instant(t, y)
@@ -281,11 +296,16 @@ def evolve(
 
 
 def evolve_to_steady(
-    p: Parameters, y: Array, end: float, control: Control | None = None, rate: float = 1e-10
+    p: Parameters,
+    y: Array,
+    end: float,
+    control: Control | None = None,
+    rate: float = 1e-10,
+    cue: Cue | None = None,
 ) -> Instant:
     """The last instant of an evolution: steady to `rate` in units of p.rate, or at time `end`."""
     last = None
-    for last in evolve(p, y, end, control):
+    for last in evolve(p, y, end, control, cue):
         if last.rate <= rate * p.rate:
             break
     if last is None:
@@ -295,4 +315,4 @@ def evolve_to_steady(
 
 def newton_refined(instant: Instant) -> SteadySolution:
     """The steady state that Newton's method reaches from an instant."""
-    return steady_state(instant.parameters, instant.as_guess())
+    return steady_state(instant.parameters, instant.as_guess(), instant.cue)

@@ -9,9 +9,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.shape import Shape
+from amoeboid.model.cues import Cue
+from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.stress import principal_stresses
+from amoeboid.validation import InvalidInput
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,47 @@ def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
     return tangential - shape.sin_psi * axial, normal + shape.cos_psi * axial
 
 
-def speed(c: Any, p: Any) -> Any:
-    """Polymerization speed v_p(c) of an array or a Dual [length/time]; main text `vp`."""
-    return function_of(c, p.v_p_derivatives)
+def speed(shape: Shape, c: Any, p: Any) -> Any:
+    """Polymerization speed of an array or a Dual c [length/time]; main text `vp`.
+
+    v_p(c), times 1 + p.cue cos(theta) if p has a cue along the axis; see `with_cue`.
+    """
+    v_p = function_of(c, p.v_p_derivatives)
+    strength = getattr(p, "cue", 0.0)
+    return v_p * (shape.cos_theta * strength + 1.0) if strength else v_p
+
+
+def with_cue(p: ParameterPoint, cue: Any) -> ParameterPoint:
+    """The parameters with the strength of a cue along the axis, or of none.
+
+    Raises InvalidInput for a cue that is not along the axis.
+    """
+    strength = axial_strength(cue)
+    return ParameterPoint(vars(p) | {"cue": strength}) if strength else p
+
+
+def axial_strength(cue: Any) -> float:
+    """Strength of a cue towards the pole x = 0, where z is largest; 0 for None.
+
+    Raises InvalidInput for a cue that is not along the axis.
+    """
+    if cue is None:
+        return 0.0
+    if not isinstance(cue, Cue) or cue.direction[0] != 0 or cue.direction[1] != 0:
+        raise InvalidInput(
+            f"an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), got {cue!r}; "
+            "use a run in 3D"
+        )
+    return float(np.copysign(cue.strength, cue.direction[2] * cue.strength))
+
+
+def refuse_cue(cue: Any, what: str) -> None:
+    """Raise InvalidInput where there is a cue: `what` is only known of a cell without one."""
+    if axial_strength(cue) != 0.0:
+        raise InvalidInput(
+            f"{what} must be asked for without a cue, got {cue!r}; follow the time evolution with "
+            "it, or run the cell in 3D"
+        )
 
 
 def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.axisymmetric.spectral import Grid
-from amoeboid.numerics.derivatives import cos, sin
+from amoeboid.numerics.derivatives import cos, sin, sqrt
 
 
 @dataclass(frozen=True)
@@ -56,6 +56,22 @@ class Shape:
         """Integral of an even field over the surface, shape (1,)."""
         weights = (2 * np.pi) * self.grid.odd_weights[None, :]
         return (weights @ (field * self.r)) * self.scale
+
+    @property
+    def height(self) -> Any:
+        """Coordinate z along the axis, zero at the center of volume [length]."""
+        g = self.grid
+        k = np.arange(1, g.n + 1)
+        z = self.scale * (np.cos(np.outer(g.x, k)) @ ((g.to_odd @ self.sin_psi) / k))
+        slices = g.odd_weights * self.r * self.r * self.sin_psi
+        total = np.ones((1, g.n))
+        return z - (total @ (slices * z)) / (total @ slices)
+
+    @property
+    def cos_theta(self) -> Any:
+        """Cosine of the angle between the axis and the direction from the center of volume."""
+        z = self.height
+        return z / sqrt(self.r * self.r + z * z)
 
     @property
     def area(self) -> Any:

@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.force_balance import refuse_cue
 from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
@@ -179,6 +180,7 @@ def reduced_matrix(
     """
     if not state.converged:
         raise InvalidInput("stability needs a converged steady state; this one is not")
+    refuse_cue(state.cue, "the spectrum of a steady state")
     state = state.in_units(natural_units(state.parameters))
     basis = harmonics(m, degree, (3 * degree) // 2 + 4)
     base = base_fields(state, basis)

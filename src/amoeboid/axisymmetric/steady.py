@@ -17,7 +17,14 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell
-from amoeboid.axisymmetric.force_balance import forces, speed, stress, transport
+from amoeboid.axisymmetric.force_balance import (
+    axial_strength,
+    forces,
+    speed,
+    stress,
+    transport,
+    with_cue,
+)
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.unknowns import (
@@ -28,6 +35,7 @@ from amoeboid.axisymmetric.unknowns import (
     split,
     unknown_count,
 )
+from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
@@ -68,11 +76,13 @@ class SteadySystem:
     """The discretized steady problem as a function of chosen parameters.
 
     `names` are the parameters that the argument q of the methods replaces; q may be complex.
+    `cue`: one along the axis, or None.
     """
 
     parameters: Parameters
     n: int = MODES
     names: tuple[str, ...] = ()
+    cue: Cue | None = None
 
     @cached_property
     def scales(self) -> Magnitudes:
@@ -113,7 +123,7 @@ class SteadySystem:
 
     @cached_property
     def _parameters(self) -> ParameterPoint:
-        return self.parameters.point()
+        return with_cue(self.parameters.point(), self.cue)
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""
@@ -136,7 +146,7 @@ class SteadySystem:
         """The same problem with twice the modes; None beyond MAX_MODES."""
         if 2 * self.n > MAX_MODES:
             return None
-        return SteadySystem(self.parameters, 2 * self.n, self.names)
+        return replace(self, n=2 * self.n)
 
     def prolonged(self, x: Array) -> Array:
         """A vector of unknowns carried to the refined system."""
@@ -146,7 +156,7 @@ class SteadySystem:
 def equations(n: int, f: Fields, p: Any) -> Any:
     """Residual of the steady problem: force balance, transport, closure, area, filament number."""
     s = shape(grid(n), f.psi, f.psi_slope, f.scale)
-    w = -speed(f.c, p)
+    w = -speed(s, f.c, p)
     tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), f.axial, p)
     area = 4 * np.pi * p.R0**2
     return stacked(
@@ -168,7 +178,8 @@ class SteadySolution(Measured):
     Every observable is an attribute: `max_retrograde_speed`, `polarity`.
 
     `x` is the vector of unknowns of n modes (module docstring); `residuals` the scaled root mean
-    squares that Newton's method went through; `message` says why it is not converged.
+    squares that Newton's method went through; `message` says why it is not converged; `cue` is the
+    one along the axis that it is a state under, towards the pole x = 0 for (0, 0, 1).
     """
 
     parameters: Parameters
@@ -177,6 +188,7 @@ class SteadySolution(Measured):
     converged: bool
     residuals: tuple[float, ...]
     message: str = ""
+    cue: Cue | None = None
 
     def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
@@ -219,7 +231,8 @@ class SteadySolution(Measured):
     def cell(self) -> AxisymmetricCell:
         """The state as observables see it, in the frame in which the shape rests."""
         f = fields_of(self.x, self.n)
-        speeds = self.parameters.v_p(f.c)
+        point = SteadySystem(self.parameters, self.n, cue=self.cue).point(np.zeros(0))
+        speeds = speed(self.shape, f.c, point)
         return AxisymmetricCell(
             self.parameters, self.shape, f.c, f.u, np.zeros(self.n), speeds, self.zeta0
         )
@@ -259,25 +272,30 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadySolution) -> SteadySolution:
+def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
+
+    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1). Raises
+    InvalidInput for a cue in another direction.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
     """
+    axial_strength(cue)  # refuses cues in other directions
     n, x = guess.n, guess.x
     history: tuple[float, ...] = ()
     while True:
-        system = SteadySystem(p, n)
+        system = SteadySystem(p, n, cue=cue)
         found = newton_solution(system, x)
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
-            return SteadySolution(p, n, found.x, False, history, f"Newton stalled; {advice}")
+            why = f"Newton stalled; {advice}"
+            return SteadySolution(p, n, found.x, False, history, why, cue)
         if system.resolved(found.x, np.zeros(0)):
-            return SteadySolution(p, n, found.x, True, history)
+            return SteadySolution(p, n, found.x, True, history, cue=cue)
         if 2 * n > MAX_MODES:
             advice = f"{n} modes do not resolve the state; raise D"
-            return SteadySolution(p, n, found.x, False, history, advice)
+            return SteadySolution(p, n, found.x, False, history, advice, cue)
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
@@ -299,7 +317,7 @@ def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     in units of its magnitude in that state: pressure plus viscous force, largest c times largest
     speed over R0.
     """
-    point = SteadySystem(state.parameters, state.n).point(np.zeros(0))
+    point = SteadySystem(state.parameters, state.n, cue=state.cue).point(np.zeros(0))
     return _strong_residual(state.n, state.x, point, finer)
 
 
@@ -308,7 +326,8 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     x = resampled(coefficients, n, m)
     x[-2:] = 0.0
     f = fields_of(x, m)
-    fastest = max(np.abs(f.u).max(), np.abs(speed(f.c, p)).max(), p.D / p.R0 + p.beta * p.R0)
+    v_p = speed(shape(grid(m), f.psi, f.psi_slope, f.scale), f.c, p)
+    fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
     most = np.abs(f.c).max()
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
     force += np.abs(p.tau(f.c)).max() / p.R0

@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=_path,
         metavar="CONFIG.toml",
-        help="sections [parameters] [mesh] [initial] [time] [output]; what it leaves out keeps its "
-        "default",
+        help="sections [parameters] [mesh] [initial] [time] [output] [changes] [cue]; what it "
+        "leaves out keeps its default",
     )
     parser.add_argument(
         "-o",

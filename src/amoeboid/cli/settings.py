@@ -11,6 +11,7 @@ from typing import Any
 from amoeboid.cli.output import say
 from amoeboid.cli.tables import width
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
+from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.validation import InvalidInput, rule
 
@@ -136,7 +137,7 @@ def field_table() -> str:
     """All fields of the configuration with defaults, ranges and meanings, for help texts."""
     rows = []
     default = Config()
-    for section in (Parameters, Mesh, Initial, Time, Output):
+    for section in (Parameters, Mesh, Initial, Time, Output, Cue):
         name = section.__name__.lower()
         prefix = "" if section is Parameters else f"{name}."
         for f in fields(section):
@@ -160,4 +161,8 @@ def field_table() -> str:
                 f"  {'law.NAME, stress.NAME':24}{'':18}parameters of their own, as law.n of "
                 "v_p0/(1+(c/c_r)**n)"
             )
+    rows.append(
+        f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "
+        "list of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
+    )
     return "\n".join(rows)

@@ -1,6 +1,6 @@
 """What a user's surface must be: one closed, embedded, outward sphere of sound triangles.
 
-Every rule is checked here, on arrays; every refusal says what was found and what helps.
+Every rule is checked here, on arrays; every message gives the rule, the value found and a remedy.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROUNDING, SHARE_OF_EDGE = 2.0**-18, 0.01
 
 
 class Repairable(InvalidInput):
-    """A surface breaks a rule in a way that `repair.repaired` mends."""
+    """A surface breaks a rule in a way that `repair.repaired` can repair."""
 
 
 def merged(r: Array, faces: Index) -> tuple[Array, Index]:
@@ -34,10 +34,10 @@ def merged(r: Array, faces: Index) -> tuple[Array, Index]:
 
 
 def joined(r: Array, faces: Index) -> tuple[Array, Index, tuple[str, ...]]:
-    """The surface with nodes made one where they differ by rounding, if that closes a seam.
+    """The surface with nodes joined that differ by rounding, if that closes a seam, and a report.
 
-    And what was done, in words. A file in single precision, or with six digits, may give a point
-    that several triangles share to each of them a little differently.
+    In a file in single precision, or with six digits, the coordinates of a point may differ
+    slightly between the triangles that share it.
     """
     r, faces = merged(r, faces)
     half_edges = _half_edges(faces)
@@ -75,8 +75,8 @@ def _close(r: Array, spacing: float) -> Index:
 def check_surface(r: Array, faces: Index, name: str) -> None:
     """Raise InvalidInput, beginning with `name`, unless a cell can start as this surface.
 
-    It is Repairable if `repair` mends what is wrong. r (V, 3), V > 0, faces (F, 3) with entries in
-    0..V-1.
+    The error is Repairable if `repair` can repair the surface. r (V, 3), V > 0, faces (F, 3) with
+    entries in 0..V-1.
     """
     size = check_size(r, name)
     r = (r - r.min(axis=0)) / 2.0 ** np.frexp(size)[1]
@@ -86,7 +86,7 @@ def check_surface(r: Array, faces: Index, name: str) -> None:
 
 
 def check_size(r: Array, name: str) -> float:
-    """The size of the surface, which does not matter: but squares of it must be numbers."""
+    """The size of the surface. Raises InvalidInput if its square would overflow or vanish."""
     largest = np.abs(r).max()
     if not largest < 1e150:
         raise InvalidInput(f"{name} must have finite coordinates below 1e150, got {largest:g}")
@@ -161,7 +161,7 @@ def _check_nodes(r: Array, faces: Index, name: str) -> None:
     corner = np.arange(len(begin)).reshape(3, -1)
     following = np.roll(corner, -1, axis=0).ravel()  # the next corner of the same triangle
     forward, backward = np.argsort(begin * n + end), np.argsort(end * n + begin)
-    # the fan goes on in the triangle across the edge, whose corner there follows the twin
+    # the fan continues in the triangle across the edge, whose corner there follows the twin
     links = (forward, following[backward])
     graph = coo_array((np.ones(len(begin)), links), shape=(len(begin),) * 2)
     fans = connected_components(graph, directed=False)[0]

@@ -16,7 +16,7 @@ from amoeboid.validation import InvalidInput
 
 @dataclass(frozen=True, eq=False)
 class Connectivity:
-    """Who touches whom in a closed triangulation: V nodes, F triangles, E = 3F/2 edges.
+    """Connectivity of a closed triangulation: V nodes, F triangles, E = 3F/2 edges.
 
     `faces` (F, 3) counter-clockwise seen from outside. The node-to-node pattern is in compressed
     row form: the neighbors of node i, itself included, ascending, are

@@ -1,10 +1,9 @@
-"""A better mesh for a shape that has outgrown its old one, with the same density on it.
+"""Remeshing of a deformed surface, with conservative transfer of a density on it.
 
-Edges that are too long are split, edges that are too short collapsed, and edges flipped where that
-makes the worse of their two triangles better (see `mesh_changes`). The membrane area is constant,
-so that the number of nodes hardly changes. The rest of the mesh stays as it is, and its nodes keep
-their values exactly. What is changed keeps its filaments: the nodes around each change hold as many
-after it as before.
+Edges that are too long are split, edges that are too short are collapsed, and edges are flipped if
+the worse of their two triangles improves (see `topology`). The membrane area is constant, so that
+the number of nodes hardly changes. The rest of the mesh is not changed, and its nodes keep their
+values exactly. The total of the density over the nodes around each change is conserved.
 """
 
 from __future__ import annotations
@@ -24,23 +23,25 @@ from amoeboid.meshes.geometry import (
 from amoeboid.meshes.topology import Change, collapses, edges, flips, splits
 from amoeboid.numerics.compiled import compiled
 
-# A mesh is left alone until an edge or a triangle (quality 1 is equilateral) is beyond these: every
-# change takes the run its past, so that many are made at once.
+# A mesh is changed once an edge (relative to the wanted length) or the quality of a triangle (1 is
+# equilateral) is beyond these limits. Every change discards the past of the run, so that many
+# changes are made at once.
 TOO_LONG, TOO_SHORT, POOR_QUALITY = 1.8, 0.45, 0.5
-# Where not all can be put right, a change is made if what is worst, or how much is beyond these
-# limits, becomes that much less.
+# If not all limits can be met, the mesh is changed only if the distortion, or the number of edges
+# and triangles beyond the limits, decreases to this share.
 IMPROVEMENT = 0.8
 MAX_ROUNDS = 10
 # A strongly stretched mesh first becomes worse: its splits, collapses and flips are repeated.
 MAX_SWEEPS = 3
-# After an attempt in vain the next one waits until an edge is this much longer or shorter.
+# After an unsuccessful attempt the next one waits until an edge is longer or shorter by this
+# factor.
 EDGE_CHANGE = 1.1
 
 
 def due(r: Array, faces: Index, edge_length: float, tried: Array | None) -> bool:
-    """Whether an attempt to remesh is worth its time: the mesh is out of order, and has changed.
+    """Whether to try remeshing: the mesh is beyond its limits, and has changed since the last try.
 
-    `tried`: the nodes (V, 3) with which the last attempt was made in vain on this mesh, or None.
+    `tried`: the nodes (V, 3) of the last unsuccessful attempt on this mesh, or None.
     """
     if distortion(r, faces, edge_length) <= 1.0:
         return False
@@ -52,9 +53,9 @@ def remeshed(
 ) -> tuple[Array, Array, Index] | None:
     """Nodes (V', 3), a density there (V',) and faces (F', 3) of a better mesh of the surface.
 
-    None if nothing is to be done: a change is made only if it makes the mesh clearly better. What
-    the density sums to is kept, the surface is given `area` exactly, and its shape is kept up to
-    the change of the polyhedron.
+    None if no change is needed, or if changes would not clearly improve the mesh. The total of the
+    density is conserved, the area of the surface is `area` exactly, and the shape is kept up to the
+    change of the polyhedron.
     """
     if distortion(r, faces, edge_length) <= 1.0:
         return None
@@ -72,13 +73,13 @@ def remeshed(
     new_r, new_c = new_r[order], new_c[order]
     new_r = new_r + _area_correction(new_r, new_faces, area)
     held, found = c @ node_areas(r, faces), new_c @ node_areas(new_r, new_faces)
-    # what the correction of the area has changed is spread evenly
+    # the change of the total by the correction of the area is spread uniformly
     return new_r, new_c * (held / found) if found > 0 else new_c, new_faces
 
 
 def swept(r: Array, c: Array, faces: Index, edge_length: float) -> tuple[Array, Array, Index]:
-    """Splits, collapses and flips, each as long as there are any; the same if there are none."""
-    # flips make room for more collapses
+    """The mesh after splits, collapses and flips, each repeated as long as there are any."""
+    # flips allow more collapses
     for find in (splits, collapses, flips, collapses, flips):
         for _ in range(MAX_ROUNDS):
             change = find(r, faces, edge_length)
@@ -89,8 +90,8 @@ def swept(r: Array, c: Array, faces: Index, edge_length: float) -> tuple[Array, 
 
 
 def _better(r: Array, faces: Index, old_r: Array, old_faces: Index, edge_length: float) -> bool:
-    """Whether a mesh is in order, or what is worst on it, or how much is beyond the limits, is less
-    than before by IMPROVEMENT."""
+    """Whether a mesh is within the limits, or its distortion or the number of edges and triangles
+    beyond the limits is below IMPROVEMENT times that of the old mesh."""
     worst = distortion(r, faces, edge_length)
     old_worst = distortion(old_r, old_faces, edge_length)
     if worst <= max(1.0, IMPROVEMENT * old_worst):
@@ -100,7 +101,7 @@ def _better(r: Array, faces: Index, old_r: Array, old_faces: Index, edge_length:
 
 
 def _beyond(r: Array, faces: Index, edge_length: float) -> int:
-    """How many edges and triangles are beyond what is left alone."""
+    """Number of edges and triangles beyond the limits."""
     length = edges(r, faces).length / edge_length
     poor = np.sum(triangle_quality(r, faces) < POOR_QUALITY)
     return int(poor + np.sum(length < TOO_SHORT) + np.sum(length > TOO_LONG))
@@ -117,7 +118,7 @@ def _area_correction(r: Array, faces: Index, wanted: float) -> Array:
 
 
 def distortion(r: Array, faces: Index, edge_length: float) -> float:
-    """How far the worst edge or triangle is beyond what is left alone: 1 is the limit."""
+    """Ratio of the worst edge length or triangle quality to its limit; above 1 is beyond it."""
     shortest, longest = extreme_edges(r, faces)
     quality = mesh_quality(r, faces)
     if not (shortest > 0 and quality > 0):
@@ -145,7 +146,7 @@ def _edge_change(old, new, faces):  # type: ignore[no-untyped-def]
 
 
 def transferred(r: Array, c: Array, faces: Index, change: Change) -> tuple[Array, Array]:
-    """Nodes and density after a change: curved middles, as much of it in each patch."""
+    """Nodes and density after a change: on the curved surface, totals of patches conserved."""
     g = geometry(r, faces)
     i, j = change.first, change.second
     edge = r[j] - r[i]

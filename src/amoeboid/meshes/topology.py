@@ -164,7 +164,7 @@ def _chosen_splits(candidates, corners, n_nodes):  # type: ignore[no-untyped-def
 
 
 @compiled
-def _chosen_flips(candidates, corners, r, faces, start, around, least_valence):  # type: ignore[no-untyped-def]
+def _chosen_flips(candidates, corners, r, faces, start, around, min_valence):  # type: ignore[no-untyped-def]
     """The same of edges that may flip; the patch are the corners of their triangles."""
     patch = np.full(len(r), -1)
     chosen = np.empty(len(candidates), np.int64)
@@ -175,7 +175,7 @@ def _chosen_flips(candidates, corners, r, faces, start, around, least_valence): 
             continue
         few = min(start[a + 1] - start[a], start[b + 1] - start[b])
         many = max(start[c + 1] - start[c], start[d + 1] - start[d])
-        if few <= least_valence or many >= MAX_VALENCE:
+        if few <= min_valence or many >= MAX_VALENCE:
             continue
         if _adjacent(c, d, faces, start, around) or not _nearly_flat(r, a, b, c, d):
             continue

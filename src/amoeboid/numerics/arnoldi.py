@@ -1,4 +1,4 @@
-"""Arnoldi's iteration: the outlying eigenvalues of a linear map that is known by its action."""
+"""Arnoldi's iteration: the outlying eigenvalues of a linear map given by its action."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ class Ritz:
     condition numbers, each (k,).
 
     A residual, or an error of the map, changes an eigenvalue by up to its norm times the condition
-    number: 1 for a normal map. These are of the map compressed to the space spanned so far,
-    estimates for the map itself.
+    number, which is 1 for a normal map. The condition numbers are those of the map projected onto
+    the space spanned so far, estimates for the map itself.
     """
 
     values: NDArray[np.complex128]
@@ -28,7 +28,7 @@ class Ritz:
     _basis: list[Array]
 
     def vector(self, k: int) -> NDArray[np.complex128]:
-        """The approximate eigenvector (n,) of length 1 of the value k."""
+        """The approximate eigenvector (n,), of length 1, of eigenvalue k."""
         parts = self._vectors[:, k]
         return np.asarray(sum(part * x for part, x in zip(parts, self._basis, strict=False)))
 
@@ -36,8 +36,8 @@ class Ritz:
 def ritz_values(image: Callable[[Array], Array], start: Array) -> Iterator[Ritz]:
     """Yield approximate eigenvalues of the linear map `image`(x) after every application.
 
-    `start` (n,) must have a part in every mode that is to be found. Ends when the space that it
-    spans is exhausted.
+    `start` (n,) must have a component in every mode that is to be found. The iteration ends when
+    the space spanned by `start` is exhausted.
 
     >>> for found in ritz_values(lambda x: np.array([2.0, 1.0]) * x, np.ones(2)):
     ...     pass
@@ -50,7 +50,7 @@ def ritz_values(image: Callable[[Array], Array], start: Array) -> Iterator[Ritz]
         x = image(basis[-1])
         size = np.linalg.norm(x)
         column = np.zeros(len(basis) + 1)
-        # twice: once leaves what rounding has cancelled
+        # twice, against cancellation
         for _ in range(2):
             for k, vector in enumerate(basis):
                 part = vector @ x

@@ -1,8 +1,8 @@
 """Conjugate gradients for a quadratic form under one linear constraint.
 
-The constraint is kept by a projection in every iteration (N. I. M. Gould, M. E. Hribar, J. Nocedal,
+A projection in every iteration keeps the constraint (N. I. M. Gould, M. E. Hribar, J. Nocedal,
 SIAM J. Sci. Comput. 23, 1376, 2001, without preconditioner). The matrix may be singular as long as
-force and constraint do no work on its null space; what the start has of it stays.
+force and constraint do no work on its null space; the part of the start in the null space remains.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from amoeboid.numerics.compiled import compiled
 class ConstrainedMinimum:
     """x (n, 3) with K x + multiplier a = b on the constraint a.x = const.
 
-    `residual` is the norm of b - K x - multiplier a that is left, `iterations` what it took.
+    `residual` is the norm of b - K x - multiplier a, `iterations` the number of iterations.
     """
 
     x: Array
@@ -36,16 +36,16 @@ def constrained_minimum(
     a: Array,
     start: Array,
     tolerance: float,
-    most_iterations: int,
+    max_iterations: int,
 ) -> ConstrainedMinimum:
     """Minimize x.K.x/2 - b.x over the x (n, 3) with a.x = a.start.
 
     K positive semidefinite in 3 x 3 `blocks` (P, 3, 3), compressed rows: `columns` (P,),
     `row_start` (n + 1,). Ends when the norm of the residual is below `tolerance` (in the unit of
-    b), or after `most_iterations`: look at `residual`.
+    b), or after `max_iterations`; `residual` tells which.
     """
     return ConstrainedMinimum(
-        *_constrained_minimum(blocks, columns, row_start, b, a, start, tolerance, most_iterations)
+        *_constrained_minimum(blocks, columns, row_start, b, a, start, tolerance, max_iterations)
     )
 
 

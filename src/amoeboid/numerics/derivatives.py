@@ -95,6 +95,14 @@ def cos(field: Any) -> Any:
     return np.cos(field)
 
 
+def sqrt(field: Any) -> Any:
+    """Square root of an array or a Dual."""
+    if isinstance(field, Dual):
+        root = np.sqrt(field.values)
+        return field.map(root, 0.5 / root)
+    return np.sqrt(field)
+
+
 def values(field: Any) -> Array:
     """The values of an array or a Dual."""
     return field.values if isinstance(field, Dual) else field

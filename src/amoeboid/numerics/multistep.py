@@ -2,9 +2,9 @@
 
 BDF2 (Hairer & Wanner, *Solving Ordinary Differential Equations II*, section V.1; steps may grow by
 up to 1 + sqrt(2) at a time, E. Hairer, S. P. Norsett, G. Wanner, volume I, theorem III.5.5).
-The extrapolated past is where the iteration that solves the implicit equations starts, and what the
-error is estimated from. Taken alone it makes a step linearly implicit, one linear solve; for
-evolving surfaces that is B. Kovacs, B. Li, C. Lubich, Numer. Math. 143, 797 (2019).
+The iteration that solves the implicit equations starts from the extrapolated past, and the error is
+estimated from it. Without iteration the step is linearly implicit, with one linear solve; for
+evolving surfaces see B. Kovacs, B. Li, C. Lubich, Numer. Math. 143, 797 (2019).
 
 Past times are given newest first.
 """
@@ -19,7 +19,7 @@ from amoeboid.arrays import Array
 
 @dataclass(frozen=True)
 class BackwardDifference:
-    """y(new) = sum_k past[k] y_k + dt y'(new): the implicit step, `past` adding up to 1."""
+    """The implicit step y(new) = sum_k past[k] y_k + dt y'(new); the weights `past` sum to 1."""
 
     past: tuple[float, ...]
     dt: float
@@ -59,8 +59,8 @@ def extrapolated(times: Sequence[float], values: Sequence[Array], new: float) ->
 def error_share(times: Sequence[float], new: float) -> float:
     """Local error of the step as a share of its distance from `extrapolated(times, ...)`.
 
-    Both are multiples of the same derivative of y: W. E. Milne's device. With three past times it
-    is that of BDF2; with two that of BDF1, whatever the step was.
+    Both are multiples of the same derivative of y (W. E. Milne's device). With three past times the
+    error is that of BDF2, with two that of BDF1.
     """
     h = new - times[0]
     back = [new - t for t in times]

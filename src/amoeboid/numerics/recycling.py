@@ -1,8 +1,8 @@
-"""Linear equations with one map and many right-hand sides, by what earlier ones have shown of it.
+"""Linear equations with one map and many right-hand sides, which reuse earlier search directions.
 
 Generalized conjugate residuals (S. C. Eisenstat, H. C. Elman, M. H. Schultz, SIAM J. Numer. Anal.
 20, 345, 1983). Directions and their images are kept from one right-hand side to the next, so that
-later ones need few new applications.
+later right-hand sides need few new applications of the map.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ import numpy as np
 
 from amoeboid.arrays import Array
 
-# Most directions kept, and most new ones for one right-hand side.
+# Maximum number of directions kept, and of new ones for one right-hand side.
 MAX_KEPT, MAX_NEW = 240, 80
-# A new image with a smaller share outside those of the kept directions is rounding.
-INDEPENDENT = 1e-12
+# A new image is linearly independent if more than this share of it is orthogonal to the kept
+# images.
+MIN_INDEPENDENT = 1e-12
 
 
 class NoConvergence(ArithmeticError):
@@ -41,38 +42,38 @@ class Recycling:
         allowed = tolerance * np.linalg.norm(b)
         shares = self._images[: self._kept] @ b
         x = shares @ self._directions[: self._kept]
-        rest = b - shares @ self._images[: self._kept]
+        residual = b - shares @ self._images[: self._kept]
         for _ in range(MAX_NEW):
-            if not np.linalg.norm(rest) > allowed:
+            if not np.linalg.norm(residual) > allowed:
                 break
-            direction, image = self._new(rest)
-            share = image @ rest
+            direction, image = self._new(residual)
+            share = image @ residual
             x += share * direction
-            rest -= share * image
-        if not np.linalg.norm(rest) <= allowed:
+            residual -= share * image
+        if not np.linalg.norm(residual) <= allowed:
             raise NoConvergence("linear equations were not solved to the tolerance")
         return x
 
-    def _new(self, rest: Array) -> tuple[Array, Array]:
-        """One more direction, towards `rest`, and its image of length 1; both are kept."""
-        direction, image = np.array(rest), np.array(self._image(rest))
+    def _new(self, residual: Array) -> tuple[Array, Array]:
+        """One more direction, towards `residual`, and its image of length 1; both are kept."""
+        direction, image = np.array(residual), np.array(self._image(residual))
         size = np.linalg.norm(image)
         shares = np.zeros(self._kept)
-        for _ in range(2):  # twice: once leaves what rounding has cancelled
+        for _ in range(2):  # twice, against cancellation
             more = self._images[: self._kept] @ image
             image -= more @ self._images[: self._kept]
             shares += more
         direction -= shares @ self._directions[: self._kept]
         length = np.linalg.norm(image)
-        if not length > INDEPENDENT * size:
-            raise NoConvergence("linear equations have no solution that applications would show")
+        if not length > MIN_INDEPENDENT * size:
+            raise NoConvergence("the linear equations have no solution that the map can reach")
         direction, image = direction / length, image / length
         place = self._place()
         self._directions[place], self._images[place] = direction, image
         return direction, image
 
     def _place(self) -> int:
-        """A free place, or that of the oldest direction."""
+        """A free index, or that of the oldest direction."""
         if self._kept == MAX_KEPT:
             place = self._oldest
             self._oldest = (self._oldest + 1) % MAX_KEPT

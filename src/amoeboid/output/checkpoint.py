@@ -201,8 +201,8 @@ def _laid_out(arrays: dict[str, Array]) -> dict[str, Array]:
 
 
 def _step(config: Config, arrays: dict[str, Array]) -> Step:
-    model = _model(config, arrays)
-    history, flow = _history(arrays), _flow(arrays)
+    model, history, flow = _model(config, arrays), _history(arrays), _flow(arrays)
+    model = model.at(history[0].t, since=history[min(1, len(history) - 1)].t)
     _check_shape(model, history)
     number, rejected = (int(x) for x in arrays["step"])
     next_dt, rate = (float(x) for x in arrays["numbers"])
@@ -235,7 +235,7 @@ def _model(config: Config, arrays: dict[str, Array]) -> Model:
         f"edge_length must be between {shortest:g} and {longest:g}",
         edge_length,
     )
-    return Model(config.parameters, mesh, edge_length)
+    return Model(config.parameters, mesh, edge_length).driven(config.inputs)
 
 
 def _mesh(faces: Index, n_nodes: int) -> Connectivity:

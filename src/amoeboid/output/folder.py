@@ -26,7 +26,14 @@ from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
-from amoeboid.config import Config, anchored, config_from_toml, config_to_toml, resolved
+from amoeboid.config import (
+    SECTIONS,
+    Config,
+    anchored,
+    config_from_toml,
+    config_to_toml,
+    resolved,
+)
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.units import Units
 from amoeboid.output.atomic import text_of, write_atomically, write_text
@@ -65,7 +72,7 @@ class RunFolder:
         self.given, self.config = given, resolved(given)
         output = self.config.output
         self.frames = FrameFiles(folder, Schedule(output.interval, output.times))
-        self.series = TimeSeriesFile(folder / "timeseries.csv", self._has_row, observe)
+        self.series = TimeSeriesFile(folder / "timeseries.csv", self._has_row, observe, given)
         self.checkpoint = CheckpointFile(
             folder / "checkpoint.npz", given, self.series, self.frames, Schedule(output.interval)
         )
@@ -141,7 +148,7 @@ class RunFolder:
             "status": status,
             **more,
             "parameters": self.config.parameters.as_dict(),
-            **{s: asdict(getattr(self.config, s)) for s in ("mesh", "initial", "time", "output")},
+            **{s: self.config.section(s) for s in SECTIONS if s != "parameters"},
             **({} if self.adapted is None else {"initial_shape": self.adapted}),
             "units": self.units,
             **({} if sizes is None else {"unit_sizes": asdict(sizes)}),
@@ -199,8 +206,8 @@ def new_run(
 
     `adapted`: what was done to a shape from a file, for the manifest; `cell`: what the run starts
     as, if not as the configuration says. Raises InvalidInput, before
-    anything is written, for a law that no file can hold and for observables with the names of other
-    columns.
+    anything is written, for a law, a change or a cue that no file can hold and for observables with
+    the names of other columns.
     """
     config_to_toml(config)
     RunFolder(folder, config, writers, observe)
@@ -333,12 +340,12 @@ def _adapted(manifest: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
-    for section in ("parameters", "mesh", "initial"):
-        before, now = getattr(made_with, section), getattr(wanted, section)
-        for f in fields(before):
-            was, is_ = getattr(before, f.name), getattr(now, f.name)
+    for section in ("parameters", "mesh", "initial", "changes", "cue"):
+        before, now = made_with.section(section), wanted.section(section)
+        for name in {**before, **now}:
+            was, is_ = before.get(name), now.get(name)
             if was != is_:
                 raise InvalidInput(
-                    f"--resume keeps [{section}] as it was, {f.name} = {was}, got {is_}; only "
+                    f"--resume keeps [{section}] as it was, {name} = {was}, got {is_}; only "
                     "time.* and output.* may change, start a new run for the rest"
                 )

@@ -14,6 +14,7 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from amoeboid.config import Config
 from amoeboid.output.atomic import GrowingFile
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import STEP_UNITS, Row, TimeSeries
@@ -29,9 +30,13 @@ class TimeSeriesFile(TimeSeries):
     """
 
     def __init__(
-        self, path: Path, wanted: Callable[[Step], bool], observe: Iterable[str] | None = None
+        self,
+        path: Path,
+        wanted: Callable[[Step], bool],
+        observe: Iterable[str] | None = None,
+        config: Config | None = None,
     ) -> None:
-        super().__init__(observe)
+        super().__init__(observe, config)
         self.path, self._wanted = path, wanted
         self._file, self._written = GrowingFile(path), 0
 

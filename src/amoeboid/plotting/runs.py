@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.plotting import COLOR_MAP
+from amoeboid.plotting.figures import axes_for
 from amoeboid.plotting.trajectory import along_principal_axes
 from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
 from amoeboid.runs.run import Run
@@ -14,21 +16,12 @@ from amoeboid.simulation.timeseries import POSITION
 from amoeboid.studies.columns import column, titled, unit
 
 INK, MUTED, LINE = "#1b1b1b", "#7a7a7a", "#0b6e99"
-COLOR_MAP = "YlGnBu"
 MIN_POWER = 1e-16  # of the largest; below it is rounding
-
-
-def _axes(ax: Any) -> Any:
-    if ax is not None:
-        return ax
-    from matplotlib import pyplot
-
-    return pyplot.subplots(layout="constrained")[1]
 
 
 def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
     """A column of the time series over time; a vector as three lines."""
-    axes, columns = _axes(ax), run.columns
+    axes, columns = axes_for(ax), run.columns
     names = [observable] if observable in columns else [f"{observable}_{a}" for a in "xyz"]
     run[observable]  # refuses an unknown name
     for name in names:
@@ -43,11 +36,11 @@ def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> 
 
 def draw_trajectory(run: Run, ax: Any = None) -> Any:
     """The way of a cell with all drag on its cortex, in the plane that holds most of it."""
-    axes, columns = _axes(ax), run.columns
+    axes, columns = axes_for(ax), run.columns
     way = along_principal_axes(np.stack([columns[n].values for n in POSITION], axis=1))
     t, length = columns["t"], columns[POSITION[0]].unit
     axes.plot(way[:, 0], way[:, 1], color=MUTED, lw=0.8)
-    image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap="viridis", zorder=3)
+    image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap=COLOR_MAP, zorder=3)
     axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)
     axes.figure.colorbar(image, ax=axes, label=titled("t", t.unit))
     axes.set_aspect("equal", adjustable="datalim")
@@ -60,7 +53,7 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
     """The cell from the side, colored by c, front to the left, with a bar of length R0."""
     from matplotlib.collections import PolyCollection
 
-    axes, cell, p = _axes(ax), snapshot.cell, snapshot.parameters
+    axes, cell, p = axes_for(ax), snapshot.cell, snapshot.parameters
     rear, up = _view(snapshot)
     toward = np.cross(rear, up)
     corners = cell.x[cell.faces]
@@ -96,7 +89,7 @@ def _view(snapshot: Snapshot) -> tuple[Any, Any]:
 
 def draw_kymograph(found: Kymograph, ax: Any = None) -> Any:
     """c as color over time and the angle from the rear."""
-    axes, p = _axes(ax), found.parameters
+    axes, p = axes_for(ax), found.parameters
     t, c = column(p, found.times, "T"), column(p, found.values, "N/L^2")
     degrees = np.degrees(found.theta)
     if len(t.values) > 1:
@@ -113,7 +106,7 @@ def draw_kymograph(found: Kymograph, ax: Any = None) -> Any:
 
 def draw_spectrum(found: Spectrum, ax: Any = None) -> Any:
     """Power of each degree over time, from l = 1 on."""
-    axes, p = _axes(ax), found.parameters
+    axes, p = axes_for(ax), found.parameters
     t, power = column(p, found.times, "T"), column(p, found.values, POWER[found.field])
     floor = MIN_POWER * power.values.max()
     for l in found.l[1:]:  # noqa: E741

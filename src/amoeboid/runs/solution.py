@@ -10,6 +10,7 @@ from typing import Any
 
 from amoeboid.config import Config, Initial, Output, Time, configured, resolved
 from amoeboid.meshes.cells import InitialCell
+from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.folder import RunFolder, new_folder, new_run
 from amoeboid.runs.advance import (
@@ -111,6 +112,8 @@ def simulate(
     writers: Iterable[Any] = (),
     observe: Iterable[str] | None = None,
     progress: Any = None,
+    changes: Mapping[str, Any] | None = None,
+    cue: Any = None,
 ) -> Solution:
     """Simulate the 3D cell; without arguments the run of figure 3D, as `amoeboid run` does.
 
@@ -122,8 +125,10 @@ def simulate(
     `output` are sections of the configuration. `times`: of the frames, [T] or quantities.
     `folder`: where to write the run, as the command does. `writers`: your own, see
     `amoeboid.simulation.writers`. `observe`: names of the observables of the time series, all of
-    them if None. `progress`: None shows a line on a terminal or in a notebook after two seconds,
-    True at once, False never; a function is called with each row of the time series.
+    them if None. `changes`: parameters that change in time, such as `{"v_p0": steps((5, 0))}`;
+    `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `progress`: None shows a
+    line on a terminal or in a notebook after two seconds, True at once, False never; a function is
+    called with each row of the time series.
 
     The solution of a run that cannot go on has the status "diverged"; its steps are good. Raises
     InvalidInput.
@@ -134,6 +139,10 @@ def simulate(
     elif parameters is not None and not isinstance(parameters, Config):
         raise InvalidInput(f"parameters must be Parameters or a Config, got {parameters!r}")
     config = replace(config, time=time or config.time, output=output or config.output)
+    if changes is not None:
+        config = replace(config, changes=Changes(changes))
+    if cue is not None:
+        config = replace(config, cue=cue)
     if times is not None:
         at = tuple(time_of(t, config.parameters, "times") for t in times)
         if not at:
@@ -183,7 +192,7 @@ def _record(
 ) -> Record:
     output = resolved(config).output
     schedule = Schedule(output.interval, output.times)
-    return Record(TimeSeries(observe), FramesInMemory(schedule, frames), writers)
+    return Record(TimeSeries(observe, config), FramesInMemory(schedule, frames), writers)
 
 
 def _solved(

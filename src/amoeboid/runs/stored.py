@@ -124,7 +124,9 @@ class StoredRun(Run):
             step = read_checkpoint(path).step
         except (OSError, InvalidInput) as error:
             raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
-        return replace(step, model=replace(step.model, parameters=self.parameters))
+        # a checkpoint holds plain numbers, the manifest the size of their units
+        p = replace(step.model.parameters, units=self.parameters.units)
+        return replace(step, model=replace(step.model, parameters=p))
 
     @property
     def status(self) -> str:

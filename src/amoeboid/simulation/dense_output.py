@@ -42,7 +42,9 @@ def between(before: Step, after: Step, t: float) -> Step:
         if c.min() >= 0.0:
             break
     position = extrapolated(times, [s.position for s in past[:count]], t)
-    begun = before.flow if before.model is model else flow_of(model, past[1], after.dt)
+    begins = past[1].t
+    known = before.model.mesh is model.mesh and begins not in model.breaks
+    begun = before.flow if known else flow_of(model.at(begins, begins), past[1], after.dt)
     share, g = (t - past[1].t) / after.dt, geometry(r, faces)
     v_c, v_p = (
         (1.0 - share) * a + share * b
@@ -51,7 +53,7 @@ def between(before: Step, after: Step, t: float) -> Step:
     zeta0 = (1.0 - share) * begun.zeta0 + share * after.flow.zeta0
     state = State(t, r, np.maximum(c, 0.0), zeta0, position)
     flow = Flow(v_c, v_p, zeta0, g.normals, g.node_areas)
-    return replace(after, history=(state, *past[1:]), flow=flow)
+    return replace(after, model=model.at(t, begins), history=(state, *past[1:]), flow=flow)
 
 
 def due_times(after: float, until: float, interval: float) -> Iterator[float]:

@@ -1,6 +1,7 @@
 """The time loop: steps of controlled length until an event ends the run.
 
-`evolve` yields every accepted step; it keeps nothing and writes nothing.
+`evolve` yields every accepted step; it keeps nothing and writes nothing. Steps end where an input
+jumps, and start anew there; see `simulation.changes`.
 """
 
 from __future__ import annotations
@@ -55,7 +56,9 @@ def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[St
     It ends by `events`, or by what `time` declares. A run continued from any step goes on exactly
     as the uninterrupted one. Raises Diverged if no step, however short, can be made.
     """
-    time = resolved(Config(parameters=first.model.parameters, time=time)).time
+    given, inputs = first.model.given, first.model.inputs
+    acting = {} if inputs is None else {"changes": inputs.changes, "cue": inputs.cue}
+    time = resolved(Config(parameters=given, time=time, **acting)).time
     every = [*events, *events_of(time)]
     step = first
     while step.state.t < time.end:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
+from amoeboid.simulation.changes import awaited
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import Adaptation
 from amoeboid.surface.model import Model
@@ -16,12 +17,13 @@ from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, UNSTABLE, Rest
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
-    `model` may have another mesh than that of the step before; `history`: the state and those
-    before it that the next step needs, newest first; `rate` is the largest relative rate of change
-    of shape and concentration in units of model.rate; `rest` is None as long as the cell changes,
-    and for an initial state; `ended` says why the run ends here, None if it goes on; `tried`: the
-    nodes (V, 3) of the last attempt to make a better mesh, if it failed; `adapted`, of an initial
-    state: what was done to a shape from a file.
+    `model` may have another mesh than that of the step before, and has the parameters at the time
+    of the state, at a jump those before it; `history`: the state and those before it that the next
+    step needs, newest first; `rate` is the largest relative rate of change of shape and
+    concentration in units of model.rate; `rest` is None as long as the cell or one of its
+    parameters changes, and for an initial state; `ended` says why the run ends here, None if it
+    goes on; `tried`: the nodes (V, 3) of the last attempt to make a better mesh, if it failed;
+    `adapted`, of an initial state: what was done to a shape from a file.
     """
 
     number: int
@@ -81,7 +83,8 @@ class Step:
     def stability_problem(self) -> str:
         """Why it is not known whether the state is stable; empty if it is."""
         if self.rest is None:
-            return "the cell still changes"
+            pending = awaited(self.model, self.state.t)
+            return pending or "the cell still changes"
         if self.growth is None or self.growth_error is None:
             return self.rest.growth.problem
         if self.growth_not_seen:

@@ -9,6 +9,7 @@ import numpy as np
 
 from amoeboid.config import SHORTEST_STEP, Time
 from amoeboid.numerics.sparse import SingularMatrix
+from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
 from amoeboid.simulation.step import Step
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.model import Model
@@ -41,11 +42,12 @@ def next_step(step: Step, time: Time) -> Step:
 
 def _explicit(step: Step, time: Time) -> Step:
     """One step of the paper's algorithm, whose length is given."""
-    remaining = time.end - step.state.t
+    model, stop = step.model, next_stop(step.model, step.state.t, time.end)
+    remaining = stop - step.state.t
     length = remaining if time.max_step > 0.999 * remaining else time.max_step
-    model = step.model
     try:
         state, flow = explicit_step(model, step.state, length, step.flow)
+        state = landed(state, stop, length == remaining)
     except (StepFailed, InvalidInput) as error:
         raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
     return _accepted(step, model, (state, step.state), flow, time.max_step, 0)
@@ -54,21 +56,26 @@ def _explicit(step: Step, time: Time) -> Step:
 def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
     model, present, tried = step.model, step.state, step.tried
+    stop, smooth = next_stop(model, present.t, time.end), not after_break(model, present.t)
     if due(model, present, tried):
         model, present = remeshed(model, present)
         tried = present.r if model is step.model else None
     kept = model is step.model
     past, flow_before = (step.history, step.flow) if kept else ((present,), None)
-    dt, rejected = min(_next_length(step), time.max_step), step.rejected
-    if not kept:
+    if not smooth:  # what was before tells nothing of what comes
+        past, flow_before = (replace(present, angular_velocity=None),), None
+    dt = min(_next_length(step) if smooth else step.next_dt, time.max_step)
+    rejected = step.rejected
+    if not (kept and smooth):
         dt *= START_AGAIN
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
-        remaining = time.end - step.state.t
+        remaining = stop - present.t
         # do not leave a sliver for the last step
         length = remaining if dt > 0.999 * remaining else dt
         try:
             state, flow, error = _tried(model, past, length, flow_before, time.tolerance)
+            state = landed(state, stop, length == remaining)
         except (StepFailed, SingularMatrix, InvalidInput) as failure:
             # InvalidInput: the law is not defined at a concentration that this step would need
             why = str(failure)
@@ -85,7 +92,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
             dt, rejected = float(factor) * length, rejected + 1
             continue
         grown = min(time.max_step, float(factor) * length)
-        # a last step cut short by time.end says nothing about the length to go on with
+        # a step cut short by a stop says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
         new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
         return replace(new, tried=tried)
@@ -101,7 +108,10 @@ def _accepted(
     rejected: int,
 ) -> Step:
     """The step after `before`, with what is to be known of its state."""
+    model = model.at(history[0].t, since=history[1].t)
     rate, still = relative_rate(model, history[0], flow)
+    if awaited(model, history[0].t):
+        return Step(before.number + 1, model, history, flow, next_dt, rejected, rate)
     rest = before.rest if rate < CHANGED * STEADY else None
     if rest is None and still and rate <= before.rate:
         rest = Rest(history[0].t, leading_growth_rate(model, history[0], flow))

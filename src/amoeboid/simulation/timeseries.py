@@ -7,8 +7,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.config import Config
 from amoeboid.observables import observed, selected
 from amoeboid.observables import units as observable_units
+from amoeboid.simulation.changes import input_units, input_values
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -28,19 +30,24 @@ STEP_UNITS: dict[str, str | None] = {
 Row = dict[str, float]
 
 
-def column_units(observe: Iterable[str] | None = None) -> dict[str, str | None]:
+def column_units(
+    observe: Iterable[str] | None = None, config: Config | None = None
+) -> dict[str, str | None]:
     """The columns of the time series and their dimensions; `observe` as of `selected`.
 
-    Raises InvalidInput for an observable that has the name of another column.
+    With those of the parameters that change in time by `config`. Raises InvalidInput for an
+    observable that has the name of another column.
     """
+    changing = {} if config is None else input_units(config)
     columns = [*STEP_UNITS, *(c for name, o in selected(observe).items() for c in o.columns(name))]
+    columns += changing
     twice = [name for name in columns if columns.count(name) > 1]
     if twice:
         raise InvalidInput(
             f"an observable must have a name of its own, {twice[0]!r} is another column of the "
             "time series; rename it"
         )
-    return STEP_UNITS | observable_units(observe)
+    return STEP_UNITS | observable_units(observe) | changing
 
 
 def row_of(step: Step, observe: Iterable[str] | None = None) -> Row:
@@ -53,6 +60,7 @@ def row_of(step: Step, observe: Iterable[str] | None = None) -> Row:
         "rate": step.rate,
         **dict(zip(POSITION, (float(x) for x in step.state.position), strict=True)),
         **observed(step.cell, observe),
+        **input_values(step.model),
     }
 
 
@@ -76,12 +84,13 @@ def column(rows: Sequence[Row], units: Mapping[str, str | None], name: str) -> A
 class TimeSeries:
     """The rows of a run, kept in memory: a writer.
 
-    `observe`: names of the observables, all if None.
+    `observe`: names of the observables, all if None. `config`: that of the run, if it is to have
+    columns for parameters that change in time.
     """
 
-    def __init__(self, observe: Iterable[str] | None = None) -> None:
+    def __init__(self, observe: Iterable[str] | None = None, config: Config | None = None) -> None:
         self.observe = None if observe is None else tuple(selected(observe))
-        self.units = column_units(self.observe)
+        self.units = column_units(self.observe, config)
         self.rows: list[Row] = []
 
     def due(self, step: Step) -> bool:

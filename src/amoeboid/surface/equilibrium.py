@@ -1,4 +1,4 @@
-"""A shape at rest under its concentration, and the flow in a given state."""
+"""The equilibrium shape for a given concentration, and the flow in a given state."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed, area_preserving_move
 
-# Step, in units of 1/model.rate, that brings a shape to rest: long, so that tension rules.
+# Step of the relaxation in units of 1/model.rate, long, so that tension dominates.
 RELAXATION_STEP = 100.0
-# Normal speed, in units of rate R0, of a shape that counts as resting.
-RESTING = 1e-3
+# A shape counts as being at rest if its normal speed is below this, in units of rate R0.
+MAX_SPEED_AT_REST = 1e-3
 
 
 def flow_of(model: Model, state: State, dt: float) -> Flow:
@@ -25,17 +25,17 @@ def flow_of(model: Model, state: State, dt: float) -> Flow:
     return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
 
 
-def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int = 200) -> State:
+def relaxed(model: Model, state: State, tolerance: float = 1e-9, max_steps: int = 200) -> State:
     """`state` with its shape at rest under its present, frozen concentration.
 
-    A polyhedral sphere is no discrete equilibrium: at delta_P R0/(eta_s rate) = 300 its
-    imbalance would drive flows that swamp a small perturbation. Without pressure there is next to
-    no imbalance, but the shape also settles slowly; there it is enough that nothing moves fast.
+    A polyhedral sphere is not a discrete equilibrium: at delta_P R0/(eta_s rate) = 300 its
+    imbalance would drive flows larger than those of a small perturbation. Without pressure there is
+    hardly any imbalance, but the shape also converges slowly; a small speed is then sufficient.
     Raises StepFailed.
     """
     dt = RELAXATION_STEP / model.rate
     factorized, v_c, change = None, None, np.inf
-    for _ in range(most_steps):
+    for _ in range(max_steps):
         g = geometry(state.r, model.mesh.faces)
         if factorized is None:
             factorized = factorized_cortex(model, state.r, g, dt, state.zeta0)
@@ -50,6 +50,6 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, most_steps: int
             factorized, v_c = None, None
     flow = flow_of(model, state, 1e-2 / model.rate)
     speed = np.abs(np.einsum("vi,vi->v", flow.v, flow.normals)).max()
-    if not speed < RESTING * model.rate * model.parameters.R0:
+    if not speed < MAX_SPEED_AT_REST * model.rate * model.parameters.R0:
         raise StepFailed(f"the initial shape does not come to rest, it moves at {speed:.3g}")
     return state

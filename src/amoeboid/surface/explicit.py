@@ -58,9 +58,10 @@ def explicit_step(
     Raises StepFailed: the step is too long for the stiff shape modes, or the cell has deformed
     more than its mesh can follow.
     """
-    mesh, p, r, c = model.mesh, model.parameters, state.r, state.c
+    model = model.at(state.t, since=state.t)  # Euler's method: what acts as the step begins
+    mesh, r, c = model.mesh, state.r, state.c
     g = geometry(r, mesh.faces)
-    v_p = p.v_p(c)[:, None] * g.normals
+    v_p = model.v_p(r, c)[:, None] * g.normals
     start = np.zeros_like(r) if flow is None else flow.v_c
     v_c, zeta0 = constrained_flow(model, state, g, v_p, dt, start)
     v = v_c + v_p

@@ -152,7 +152,7 @@ def force_balance(
     `vp`; SI `forcebalance2`. Raises InvalidInput where v_p(c) is not defined.
     """
     p, mesh = model.parameters, model.mesh
-    v_p = p.v_p(c)[:, None] * g.normals
+    v_p = model.v_p(r, c)[:, None] * g.normals
     push = p.delta_P * _pressure(r, g, mesh.faces)
     force = normal_force(push - zeta0 * area_gradient(g, mesh.faces), r, g)
     if p.has_isotropic_stress:

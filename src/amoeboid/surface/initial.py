@@ -60,11 +60,13 @@ def initial_state(config: Config) -> tuple[Model, State]:
 def initial_condition(config: Config, cell: InitialCell | None = None) -> Start:
     """What a resolved configuration starts from; in place of its own shape, `cell` if given.
 
-    The sphere is brought to rest on its mesh; a shape from a file is not, it is the initial
-    condition, scaled to the membrane area and with its volume center at the origin. Raises
+    The sphere is brought to rest on its mesh, without a cue, which acts from t = 0 on; a shape from
+    a file is not, it is the initial condition, scaled to the membrane area and with its volume
+    center at the origin. Raises
     InvalidInput, StepFailed, SingularMatrix.
     """
-    p, initial = config.parameters, config.initial
+    inputs, initial = config.inputs, config.initial
+    p = config.parameters if inputs is None else inputs.parameters_at(0.0, since=0.0)
     if cell is not None:
         begin = _as_given(p, cell.r, cell.faces, cell.c, cell.zeta0)
     elif initial.from_frame is not None:
@@ -73,7 +75,8 @@ def initial_condition(config: Config, cell: InitialCell | None = None) -> Start:
         begin = _from_surface(p, initial, 10 * 4**config.mesh.subdivisions + 2)
     else:
         begin = Start(*sphere(p, config.mesh.subdivisions))
-    return replace(begin, state=perturbed(begin.model, begin.state, initial))
+    state = perturbed(begin.model, begin.state, initial)
+    return replace(begin, model=begin.model.driven(config.inputs), state=state)
 
 
 def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:

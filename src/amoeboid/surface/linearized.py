@@ -10,19 +10,39 @@ side with one back-substitution. The iteration need not converge, because the li
 A perturbation (2V,) consists of c'/(c0 + c) and h/R0, with the displacement h along the normals.
 Displacements within the surface are excluded, and with them the many slow modes of the mesh. Nodes
 rotate with the cell as they do in a run, because a mesh that does not rotate would hold or drive a
-cell that starts to rotate.
+cell that starts to rotate. In rotating axes a cue changes its direction. The angles of the axes at
+the end of the step are therefore unknowns as well, about the axes in which a cue tells the rotated
+cell from the original one; the result is transformed back to axes that do not rotate. Without a cue
+there are no such angles.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
+from typing import Any
+
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.meshes.geometry import Geometry, area_gradient, geometry, node_areas, normal_part
+from amoeboid.meshes.geometry import (
+    Geometry,
+    area_gradient,
+    geometry,
+    node_areas,
+    normal_part,
+    volume_centroid,
+)
 from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import angular_velocity
+from amoeboid.surface.rigid import (
+    angular_velocity,
+    changes,
+    cue_axes,
+    gradient,
+    rotated,
+    rotations,
+)
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import exchanged, implicit_matrix
 
@@ -33,6 +53,18 @@ AMPLITUDE = 1e-6
 # therefore linearized at concentrations and velocities that differ by random offsets of this size,
 # relative to c0 + c and rate R0.
 OFFSET = 1e-5
+
+
+@dataclass(frozen=True, eq=False)
+class RotatedCue:
+    """A cue in axes that are rotated by the angles (3,)."""
+
+    cue: Any
+    angles: Array
+
+    def factor(self, directions: Array, t: float) -> Array:
+        """See Cue.factor; directions in the rotated axes."""
+        return np.asarray(self.cue.factor(rotated(directions, self.angles, 1.0), t))
 
 
 class LinearizedStep:
@@ -62,32 +94,52 @@ class LinearizedStep:
         self._u_offset = offset[:, 1:] * model.rate * model.parameters.R0
         self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
         self._entries, _ = implicit_matrix(model, self.g, u, dt)
-        self._equations = Recycling(self._defect, 2 * len(zero))
+        self._axes = cue_axes(model, state.r)
+        self._tilts = self._tilted()
+        self._equations = Recycling(self._defect, 2 * len(zero) + len(self._axes))
 
     def image(self, y: Array, tolerance: float) -> Array:
         """The perturbation (2V,) after the step, from that before. Raises NoConvergence."""
-        return self.solved(self.iterate(np.zeros_like(y), y), tolerance)
+        zero = np.zeros(len(y) + len(self._axes))
+        return self._in_fixed_axes(self._equations.solve(self.iterate(zero, y), tolerance))
 
-    def solved(self, b: Array, tolerance: float) -> Array:
-        """x (2V,) with (1 - T) x = b up to `tolerance` |b|. Raises NoConvergence."""
-        return self._equations.solve(b, tolerance)
+    def residual(self, x: Array, y: Array, tolerance: float) -> Array:
+        """The error (2V,) of x (2V,) as the image of y (2V,). Raises NoConvergence.
 
-    def _defect(self, x: Array) -> Array:
-        return x - self.iterate(x, np.zeros_like(x))
+        The equations are evaluated with the opposite sign of the perturbations and on the other
+        side of the kinks, so that the error includes deviations from a linear map.
+        """
+        unknowns = np.concatenate([x, np.zeros(len(self._axes))])
+        if len(self._axes):
+            angles = -self.iterate(-unknowns, -y)[len(x) :]
+            unknowns = np.concatenate([x - self._tilts @ angles, angles])
+        defect = self.iterate(-unknowns, -y, side=-1) + unknowns
+        return self._in_fixed_axes(self._equations.solve(defect, tolerance))
+
+    def _in_fixed_axes(self, unknowns: Array) -> Array:
+        """The perturbation (2V,) in axes that do not rotate."""
+        count = 2 * len(self.state.c)
+        x, angles = unknowns[:count], unknowns[count:]
+        return x + self._tilts @ angles if len(angles) else x
+
+    def _defect(self, unknowns: Array) -> Array:
+        return unknowns - self.iterate(unknowns, np.zeros(2 * len(self.state.c)))
 
     def iterate(self, x: Array, y: Array, side: int = 1) -> Array:
         """T x + S y: an improved estimate of the perturbation after the step, from an estimate x.
 
-        y is the perturbation before the step. `side` (1 or -1): the side of the kinks of the flux
-        correction; see `OFFSET`.
+        x (2V + k,) ends with the angles about the k axes of a cue; y (2V,) is the perturbation
+        before the step. `side` (1 or -1): the side of the kinks of the flux correction; see
+        `OFFSET`.
         """
         size = max(np.abs(x).max(), np.abs(y).max())
         if size == 0.0:
             return np.zeros_like(x)
         amplitude = AMPLITUDE / size
-        (c_x, h_x), (c_y, h_y) = np.split(amplitude * x, 2), np.split(amplitude * y, 2)
+        angles = amplitude * x[len(y) :]
+        (c_x, h_x), (c_y, h_y) = np.split(amplitude * x[: len(y)], 2), np.split(amplitude * y, 2)
         p, dt, area = self.model.parameters, self.dt, self._area_gradient
-        v, c, g = self._velocity(c_x, h_x, h_y)
+        v, c, g = self._velocity(c_x, h_x, h_y, angles=angles)
         # nodes rotate with the cell
         omega = angular_velocity(self.model, self._moved(h_x), c, g, v) - self._angular_velocity
         v = v + np.tensordot(omega, self._rotations, 1)
@@ -101,22 +153,40 @@ class LinearizedStep:
         before = node_areas(self._moved(h_y), self.model.mesh.faces)
         numbers = before * (self.state.c + self._scale * c_y) - g.node_areas * c
         more = self._transported(numbers + dt * gain)
-        return np.concatenate([c_x + more / self._scale, h]) / amplitude
+        return np.concatenate([c_x + more / self._scale, h, dt * self._axes @ omega]) / amplitude
 
     def _velocity(
-        self, c_x: Array, h_x: Array, h_y: Array, omega: Array | None = None
+        self,
+        c_x: Array,
+        h_x: Array,
+        h_y: Array,
+        omega: Array | None = None,
+        angles: Array | None = None,
     ) -> tuple[Array, Array, Geometry]:
         """Velocity (V, 3), c (V,) and geometry of the perturbed cell, at the tension of the state.
 
         Implicit tension acts on the motion of the shape beyond h_x. The velocity is relative to
-        axes with the angular velocity `omega` (3,) [1/T] (None: 0).
+        axes with the angular velocity `omega` (3,) [1/T] (None: 0), which are rotated by `angles`
+        (k,) about the axes of the cue (None: 0).
         """
+        model = self.model
+        if angles is not None and len(angles):
+            model = replace(model, cue=RotatedCue(model.cue, self._axes.T @ angles))
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
         solution = force_balance(
-            self.model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, omega
+            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, omega
         )
         return solution.v(self._zeta0), c, g
+
+    def _tilted(self) -> Array:
+        """The perturbations (2V, k) by rotations of the cell about the axes of the cue."""
+        if not len(self._axes):
+            return np.zeros((2 * len(self.state.c), 0))
+        slope = gradient(self.state.c, self.g, self.model.mesh) / self._scale[:, None]
+        x = self.state.r - volume_centroid(self.state.r, self.model.mesh.faces)
+        motions = rotations(x, self._axes)
+        return changes(motions, slope, self.g.normals, self.model.parameters.R0)
 
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
         """Filaments (V,) that nodes gain per unit time, on one side of the kinks."""

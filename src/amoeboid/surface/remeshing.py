@@ -12,20 +12,20 @@ from amoeboid.surface.state import State
 
 
 def due(model: Model, state: State, tried: Array | None) -> bool:
-    """Whether an attempt to remesh is worth its time; see `meshes.remeshing.due`."""
+    """Whether to try remeshing; see `meshes.remeshing.due`."""
     return remeshing.due(state.r, model.mesh.faces, model.edge_length, tried)
 
 
 def remeshed(model: Model, state: State) -> tuple[Model, State]:
-    """`model` and `state` on a better mesh; the same objects if nothing is to be done.
+    """`model` and `state` on a better mesh; the same objects if the mesh is not changed.
 
-    The state keeps its filaments, the area A0 exactly and, up to the change of the polyhedron, its
-    shape. What came before it has no place on the new mesh: a discrete surface changes its speed
-    with its mesh.
+    The number of filaments and the area A0 are kept exactly, the shape up to the change of the
+    polyhedron. Earlier states cannot be used on the new mesh, because the velocity of a discrete
+    surface depends on its mesh.
     """
     new = remeshing.remeshed(state.r, state.c, model.mesh.faces, model.edge_length, model.A0)
     if new is None:
         return model, state
     r, c, faces = new
     changed = replace(state, r=r, c=c, angular_velocity=None)
-    return Model(model.parameters, connectivity(faces), model.edge_length), changed
+    return model.on(connectivity(faces)), changed

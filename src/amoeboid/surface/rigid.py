@@ -22,6 +22,9 @@ from amoeboid.surface.transport import rate_of_change
 # A rotation is seen if it changes the cell by more than this, per radian: the mean square of the
 # changes of c, relative to c0 + c, and of r.n, relative to R0. It is damped below.
 MIN_CHANGE = 1e-4
+# Angle of a test rotation, and the largest rms change of a cue's factor per radian at which the
+# rotation counts as free.
+TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
 
 
 def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
@@ -58,9 +61,36 @@ def translations(x: Array) -> list[Array]:
     return [np.broadcast_to(axis, x.shape) for axis in np.eye(3)]
 
 
-def rotations(x: Array) -> list[Array]:
-    """Velocities of nodes x (V, 3) that rotate with unit angular velocity around each axis."""
-    return [np.cross(axis, x) for axis in np.eye(3)]
+def rotations(x: Array, axes: Array) -> list[Array]:
+    """Velocities of nodes x (V, 3) that rotate with unit angular velocity around `axes` (k, 3)."""
+    return [np.cross(axis, x) for axis in axes]
+
+
+def free_axes(model: Model, r: Array) -> Array:
+    """Orthonormal axes (k, 3): rotated about them, the cell r (V, 3) is under the same cue.
+
+    Three without a cue, one for a cue along one direction, none in general.
+    """
+    return _axes(model, r)[0]
+
+
+def cue_axes(model: Model, r: Array) -> Array:
+    """The other orthonormal axes (k, 3): about these a cue holds the cell."""
+    return _axes(model, r)[1]
+
+
+def _axes(model: Model, r: Array) -> tuple[Array, Array]:
+    if model.cue is None:
+        return np.eye(3), np.zeros((0, 3))
+    directions = model.directions(r)
+    differences = [
+        model.cue_factor(rotated(directions, TILT * axis, 1.0))
+        - model.cue_factor(rotated(directions, -TILT * axis, 1.0))
+        for axis in np.eye(3)
+    ]
+    _, sizes, axes = np.linalg.svd(np.stack(differences, axis=1) / (2.0 * TILT * np.sqrt(len(r))))
+    free = sizes < MAX_FREE_CHANGE
+    return axes[free], axes[~free]
 
 
 def angular_velocity(model: Model, r: Array, c: Array, g: Geometry, v: Array) -> Array:

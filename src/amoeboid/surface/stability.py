@@ -12,7 +12,8 @@ Rigid motions of the cell are neutral, but on a mesh they seem to grow or decay 
 hide slow modes. The equations of motion are therefore restricted to perturbations orthogonal to
 rigid motions. This does not affect the other growth rates where the mesh resolves the cell. Where
 it does not, growth may be found that does not appear in a run. Without turnover the number of
-filaments is conserved, and perturbations that change it are excluded as well.
+filaments is conserved, and perturbations that change it are excluded as well. Under a cue,
+rotations about other axes than its own are not neutral and are included.
 
 The cell may rotate slowly; the rotation during `dt` is neglected.
 """
@@ -33,7 +34,7 @@ from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import changes, gradient, rotations, translations
+from amoeboid.surface.rigid import changes, free_axes, gradient, rotations, translations
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
@@ -159,8 +160,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                defect = self._step.iterate(-x, -y, side=-1) + x
-                parts.append(self._restricted(self._step.solved(defect, self._tolerance)))
+                parts.append(self._restricted(self._step.residual(x, y, self._tolerance)))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
@@ -182,7 +182,8 @@ def _excluded(model: Model, state: State, g: Geometry, slope: Array) -> Array:
     """
     p, faces = model.parameters, model.mesh.faces
     x = (state.r - volume_centroid(state.r, faces)) / p.R0
-    motions = [p.R0 * motion for motion in (*translations(x), *rotations(x))]
+    turns = rotations(x, free_axes(model, state.r))
+    motions = [p.R0 * motion for motion in (*translations(x), *turns)]
     rigid, sizes, _ = np.linalg.svd(changes(motions, slope, g.normals, p.R0), full_matrices=False)
     columns = [rigid[:, sizes > MIN_MOTION * sizes[0]]]
     if p.beta == 0.0:

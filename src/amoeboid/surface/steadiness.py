@@ -9,7 +9,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import angular_velocity, rotation
+from amoeboid.surface.rigid import angular_velocity, free_axes, rotation
 from amoeboid.surface.stability import MAX_ERROR, Growth
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.transport import rate_of_change
@@ -53,14 +53,21 @@ def relative_rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
         r_rate = np.einsum("vi,vi->v", v, flow.normals) / p.R0
         return float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
 
+    def free(omega: Array) -> Array:
+        """The part of an angular velocity about axes on which a cue does not act."""
+        if model.cue is None:
+            return omega
+        axes = free_axes(model, state.r)
+        return np.asarray(axes.T @ (axes @ omega))
+
     rate = change(flow.v)
     known = np.full(3, np.inf) if state.angular_velocity is None else state.angular_velocity
     if rate >= STEADY and np.linalg.norm(known) < SLOW_ROTATION * model.rate:
         # in axes that rotate with the cell, where a rigidly rotating cell does not change; the
         # angular velocity is damped, so that the remaining rotation is removed repeatedly
-        v = flow.v - rotation(known, x)
+        v = flow.v - rotation(free(known), x)
         for _ in range(ROTATION_CORRECTIONS):
-            v -= rotation(angular_velocity(model, state.r, state.c, g, v), x)
+            v -= rotation(free(angular_velocity(model, state.r, state.c, g, v)), x)
         rate = min(rate, change(v))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)

@@ -70,9 +70,11 @@ def semi_implicit_step(
     `history`: the present state and up to two earlier ones. The step uses two of them; from the
     present state alone it is of first order. `before`: the flow of the last step, on the
     same mesh, which makes the iteration converge faster. `tolerance`: the error allowed in the
-    step; the iteration may take a small share of it. Raises StepFailed, SingularMatrix.
+    step; the iteration may take a small share of it. Parameters and cue are those at the end of the
+    step, where the equations hold. Raises StepFailed, SingularMatrix.
     """
     t = history[0].t + dt
+    model = model.at(t, since=history[0].t)
     omega = _predicted_angular_velocity(model, history, t, before)
     past = _past(model, history, omega, t)
     now, r_ahead, c_ahead = history[0], past.ahead.r, np.maximum(past.ahead.c, 0.0)

@@ -3,8 +3,8 @@
 Conservative ALE form: with m the node areas, M the mass matrix (whose columns sum to m) and u the
 velocity of the filaments relative to the mesh, d(m c)/dt = C(u) c - D L c + beta M (c0 - c). The
 columns of C and L sum to zero: what leaves one node arrives at another, and with beta = 0 the total
-is kept to rounding. SI `cdot`. The areas lump the mass matrix at the nodes where c is stored, which
-a steady state does not see; turnover is integrated as exactly as the flow is.
+is kept to rounding. SI `cdot`. The node areas lump the mass matrix of the time derivative, which
+does not affect steady states; turnover is integrated exactly, as the flow is.
 
 Where the rear peak is sharper than the mesh, this linear scheme alone would oscillate below zero.
 There (at local Peclet numbers above about two; with turnover also where diffusion does not reach
@@ -31,8 +31,8 @@ def transported(
     """Concentration (V,) after an implicit step of length dt that ends on geometry g.
 
     `filaments` (V,) >= 0: numbers m c at the nodes before the step; `relative_velocity` (V, 3): of
-    the filaments against the mesh; `c_ahead` (V,) >= 0: what c is expected to be, which decides
-    on returned fluxes. The result is >= 0 to rounding. Raises SingularMatrix.
+    the filaments against the mesh; `c_ahead` (V,) >= 0: the predicted c, which determines
+    the returned fluxes. The result is >= 0 to rounding. Raises SingularMatrix.
     """
     p = model.parameters
     entries, added = implicit_matrix(model, g, relative_velocity, dt)
@@ -52,7 +52,7 @@ def implicit_matrix(model: Model, g: Geometry, velocity: Array, dt: float) -> tu
 
 
 def exchange(model: Model, g: Geometry, velocity: Array) -> Array:
-    """Entries (P,) of C(velocity) - D L - beta M: what c makes nodes gain by flow and turnover."""
+    """Entries (P,) of C(velocity) - D L - beta M: gain by flow, diffusion and turnover."""
     p, mesh = model.parameters, model.mesh
     return np.asarray(
         advection(g, mesh, velocity) - p.D * stiffness(g, mesh) - p.beta * mass(g, mesh)
@@ -81,9 +81,10 @@ def diffusive_loss(added: Array, c: Array, model: Model) -> Array:
 
 
 def returned_fluxes(added: Array, c: Array, stock: Array, model: Model) -> Array:
-    """What each node gets back (V,) of the added diffusion.
+    """The part of the added diffusion that is returned to each node (V,).
 
-    No more than makes a new extremum among its neighbors, and no node gives more than its `stock`.
+    It is limited such that no new extremum among neighbors arises, and no node gives more than its
+    `stock`.
     """
     if not added.any():
         return np.zeros_like(c)
@@ -136,7 +137,7 @@ def rate_of_change(model: Model, c: Array, g: Geometry, velocity: Array) -> Arra
 
 
 def exchanged(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> Array:
-    """Filaments that each node gains in a unit of time (V,) [N/T], but for those new at beta c0.
+    """Filaments that each node gains per unit time (V,) [N/T], without the new ones (beta c0).
 
     `relative_velocity` (V, 3): of the filaments against the mesh.
     """

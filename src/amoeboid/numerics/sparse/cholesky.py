@@ -43,7 +43,7 @@ from amoeboid.numerics.sparse.tiles import (
 
 # Unknowns of a node.
 SIZE = 3
-# Nodes in a piece that is not divided further.
+# Maximum number of nodes of a piece that is not divided further.
 MAX_UNDIVIDED = 8
 # Right-hand sides that are solved for together.
 VECTORS = 4
@@ -59,8 +59,8 @@ _dots_31, _dots_34 = dots(SIZE, 1), dots(SIZE, VECTORS)
 class SparseCholesky:
     """Cholesky factorization of matrices with 3 x 3 blocks on one symmetric pattern.
 
-    The pattern of V nodes is in compressed rows and contains the diagonal. Kept are the analysis of
-    the pattern and the memory of factors no longer in use.
+    The pattern of V nodes is in compressed rows and contains the diagonal. The analysis of the
+    pattern is kept, and the memory of factors that are no longer in use.
     """
 
     def __init__(self, row_start: Index, columns: Index) -> None:

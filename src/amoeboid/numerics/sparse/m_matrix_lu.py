@@ -1,4 +1,4 @@
-"""Multifrontal LU factorization, without pivoting, of matrices dominated by their diagonal.
+"""Multifrontal LU factorization, without pivoting, of M-matrices.
 
 Fronts as in `fronts`, one unknown a node; kernels as in `tiles`. Where the off-diagonal entries are
 <= 0 and the column sums positive, as for implicit transport, elimination in any order keeps both,
@@ -32,7 +32,7 @@ from amoeboid.numerics.sparse.fronts import (
 )
 from amoeboid.numerics.sparse.tiles import ROWS, TILE, address, dots, gauss, scatter, subtract
 
-# Nodes in a piece that is not divided further.
+# Maximum number of nodes of a piece that is not divided further.
 MAX_UNDIVIDED = 16
 # Residuals, as shares of |A| |x| + |b| (sums of magnitudes): one that is rounding, so that the
 # guess is the solution, and the largest accepted without an exchange of rows.
@@ -81,8 +81,8 @@ class MMatrixLU:
     def solve(self, entries: Array, b: Array, guess: Array) -> Array:
         """Solution x (n,) of A x = b; `entries` on the pattern. Raises SingularMatrix.
 
-        The rounding errors of the elimination are in proportion to the distance from the guess.
-        Where the matrix is not as described, banded LU with exchange of rows takes over.
+        The rounding errors of the elimination are proportional to the distance from the guess.
+        A matrix that is not an M-matrix is solved by banded LU with pivoting.
         """
         x = np.array(guess, dtype=float)
         if self._solved(entries, b, x):
