@@ -566,10 +566,8 @@ def test_an_observable_must_have_a_name_of_its_own(name, observables, tmp_path):
 class Linear(Law):
     name = "linear"
 
-    def derivatives(self, c, v_p0, c_r, order=3):
-        c = np.asarray(c)
-        slopes = (0 * c - v_p0 / (10 * c_r), *[0 * c] * order)
-        return (v_p0 * (1 - c / (10 * c_r)), *slopes[:order])
+    def value(self, c, v_p0, c_r):
+        return v_p0 * (1 - c / (10 * c_r))
 
 
 def test_a_law_that_no_file_can_hold_is_refused_before_anything_is_written(tmp_path, monkeypatch):
