@@ -3,7 +3,9 @@
 import json
 import math
 import pickle
+import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -346,6 +348,19 @@ def test_simulate_takes_changes_and_a_cue(tmp_path):
     assert np.array_equal(am.load(folder)["v_p0"], whole["v_p0"])
     static = am.simulate(p, mesh=mesh, until=am.time(0.2), cue=am.Cue(), progress=False)
     assert "v_p0" not in static.units
+
+
+@pytest.mark.slow
+def test_documented_lines_run():
+    text = (Path(__file__).parents[1] / "docs" / "inputs.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        scope = {}
+        exec(block, scope)  # noqa: S102
+        assert scope["solution"].status == "finished"
+    for block in re.findall(r"```toml\n(.*?)```", text, re.DOTALL):
+        assert config_from_toml(block) != am.Config()
 
 
 def test_reprs_are_short():

@@ -10,8 +10,9 @@ import pytest
 
 import amoeboid
 from amoeboid.axisymmetric.branches import polarized_branch
-from amoeboid.axisymmetric.onset import departure, onset_speed, onsets, onsets_anywhere
+from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets, onsets_anywhere
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
+from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient
 from amoeboid.closed_forms.linear import critical_speed, growth_rate
@@ -204,9 +205,9 @@ def test_a_branch_leaves_the_sphere_in_a_parameter_of_the_law():
     assert found
     for n in found:
         assert growth_rate(p.replace(**{"law.n": n}), 1) == pytest.approx(0, abs=1e-9)
-        start = departure(p, "law.n", n, options)
+        start = branch_tangent(p, "law.n", n, options)
         first, second = islice(follow(start, options), 2)
-        system = SteadySystem(p, (second.x.size - 3) // 3, ("law.n",))
+        system = SteadySystem(p, mode_count(second.x), ("law.n",))
         assert second.parameter not in (n, first.parameter)
         residual = system.residual(second.x, np.array([second.parameter]))
         assert np.abs(residual).max() < 1e-8
