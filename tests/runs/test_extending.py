@@ -157,7 +157,10 @@ def test_a_writer_of_a_script_writes_at_its_own_times(tmp_path):
     assert counted.numbers == tuple(range(0, run.last.number + 1, 2))
 
 
-def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(tmp_path, capsys):
+def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("amoeboid.plotting.cell.save_cell_picture", lambda *_: None)
     folder = str(tmp_path / "run")
     words = ["run", "--set", "mesh.subdivisions=1", "--json", "-o", folder]
     assert main([*words, "--until", "t > 0.3", "--until", "c_rear < 0"]) == 0

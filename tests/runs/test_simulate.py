@@ -219,6 +219,7 @@ def test_a_surface_that_is_none_is_refused(arguments, says):
         am.Surface(*arguments)
 
 
+@pytest.mark.slow
 def test_a_run_that_diverges_keeps_its_good_steps():
     p = am.Parameters(law="inverse", D=1e-4, v_p0=30.0)
     found = am.simulate(p, mesh=SMALL, initial=Initial(perturbation=2.9))

@@ -74,6 +74,21 @@ def test_frames_are_read_with_all_bits(made):
     assert last.max_retrograde_speed == solution.final.max_retrograde_speed
 
 
+def test_frames_have_the_parameters_of_their_time(tmp_path):
+    """A washout: v_p0 jumps; the frame at the jump has what was before it."""
+    run = am.simulate(
+        P, mesh=am.Icosphere(1), until=am.time(0.8), times=[0.0, 0.4, 0.8],
+        changes={"v_p0": am.steps((0.4, 1.0))},
+    )  # fmt: skip
+    stored = run.save(tmp_path / "run")
+    for frames in (run.frames, stored.frames):
+        assert [frame.parameters.v_p0 for frame in frames] == [6.0, 6.0, 1.0]
+    assert stored.final.parameters.v_p0 == 1.0
+    assert stored.config == am.load(tmp_path / "run").config
+    longer = stored.resume(until=am.time(1.0))
+    assert np.array_equal(longer.final.c, run.resume(until=am.time(1.0)).final.c)
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -19,6 +19,7 @@ from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import MAX_NODES
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import node_areas
+from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
@@ -39,21 +40,24 @@ class Frame:
     flow: Flow
 
 
-def read_frame(path: Path, p: Parameters) -> Frame:
-    """A frame of a run with parameters p. Raises InvalidInput, also where it is not there."""
+def read_frame(path: Path, p: Parameters, inputs: Inputs | None = None) -> Frame:
+    """A frame of a run with parameters p, under these inputs.
+
+    Raises InvalidInput, also where it is not there.
+    """
     try:
         data = path.read_bytes()
     except OSError as error:
         raise InvalidInput(f"the frame {str(path)!r} cannot be read: {error.strerror}") from None
     try:
-        return _frame(_arrays(data), p)
+        return _frame(_arrays(data), p, inputs)
     except (ValueError, KeyError, IndexError, zlib.error, binascii.Error) as error:
         raise InvalidInput(
             f"the frame {str(path)!r} must be one that a run has written: {error}"
         ) from None
 
 
-def _frame(arrays: dict[str, Array], p: Parameters) -> Frame:
+def _frame(arrays: dict[str, Array], p: Parameters, inputs: Inputs | None) -> Frame:
     c = arrays["c"]
     r, v_c, v_p, normals = (
         arrays[name].reshape(len(c), 3) for name in ("Points", "v_c", "v_p", "normal")
@@ -64,7 +68,9 @@ def _frame(arrays: dict[str, Array], p: Parameters) -> Frame:
     if not all(np.isfinite(a).all() for a in (r, c, v_c, v_p, normals)):
         raise ValueError("its numbers must be finite")
     t, zeta0 = (float(arrays[name][0]) for name in ("t", "zeta0"))
-    model = Model(p, connectivity(faces))
+    model = Model(p, connectivity(faces)).driven(inputs)
+    since = max((jump for jump in model.breaks if jump < t), default=0.0)
+    model = model.at(t, since)
     state = State(t, r, c, zeta0, arrays["cortex_drag_position"])
     return Frame(model, state, Flow(v_c, v_p, zeta0, normals, node_areas(r, faces)))
 

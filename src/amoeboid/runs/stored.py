@@ -33,8 +33,8 @@ _ENTRY = re.compile(r'timestep="([^"]+)" part="0" file="frames/(frame_\d+\.vtp)"
 class StoredFrames(Sequence[Snapshot]):
     """The frames of a stored run; each is read when it is asked for. `times` [T] are known."""
 
-    def __init__(self, folder: Path, parameters: Parameters, entries: Sequence[tuple[float, str]]):
-        self.folder, self.parameters, self.entries = folder, parameters, tuple(entries)
+    def __init__(self, folder: Path, config: Config, entries: Sequence[tuple[float, str]]):
+        self.folder, self.config, self.entries = folder, config, tuple(entries)
 
     @property
     def times(self) -> list[float]:
@@ -48,8 +48,9 @@ class StoredFrames(Sequence[Snapshot]):
     def __getitem__(self, index: int | slice) -> Snapshot | StoredFrames:
         """A frame, read now; of a slice, frames that are read later. Raises InvalidInput."""
         if isinstance(index, slice):
-            return StoredFrames(self.folder, self.parameters, self.entries[index])
-        found = read_frame(self.folder / "frames" / self.entries[index][1], self.parameters)
+            return StoredFrames(self.folder, self.config, self.entries[index])
+        path = self.folder / "frames" / self.entries[index][1]
+        found = read_frame(path, self.config.parameters, self.config.inputs)
         return Snapshot(found.model, found.state, found.flow)
 
     def __len__(self) -> int:
@@ -114,7 +115,7 @@ class StoredRun(Run):
         path = self.folder / "frames.pvd"
         entries = _ENTRY.findall(text_of(path)) if path.is_file() else []
         kept = [(float(t), n) for t, n in entries if (self.folder / "frames" / n).is_file()]
-        return StoredFrames(self.folder, self.parameters, kept)
+        return StoredFrames(self.folder, self.config, kept)
 
     @cached_property
     def last(self) -> Step:
