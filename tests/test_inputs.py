@@ -179,6 +179,13 @@ def test_cell_in_which_nothing_is_left_to_change_has_the_given_unit_of_time():
     assert run[-1].ended == "steady"
 
 
+def test_cell_whose_whole_treadmilling_stops_keeps_its_time_series():
+    stops = {name: am.steps((0.5, 0.0)) for name in ("beta", "D", "v_p0")}
+    run = am.simulate(POLAR, mesh=am.Icosphere(1), until=am.time(0.7), changes=stops)
+    assert (run.status, run.t[-1]) == ("finished", 0.7)
+    assert np.isfinite(run["cortex_drag_heading"]).all()
+
+
 def test_unit_of_time_is_that_of_the_present_parameters():
     first = am.start(config_of(changes={"beta": am.steps((1.0, 0.01)), "v_p0": am.steps((1, 0))}))
     assert first.model.rate == 1.0

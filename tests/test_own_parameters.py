@@ -332,6 +332,17 @@ def test_a_function_that_takes_no_arrays_is_refused_with_the_remedy():
         Parameters(law=lambda c, v_p0, c_r, n: c**n)
 
 
+def test_values_are_real_floating_point_numbers():
+    whole = Parameters(law=lambda c, v_p0, c_r: np.ones(np.shape(c), int))
+    assert whole.v_p(np.ones(3)).dtype == float
+    for order in (0, 1):
+        with pytest.raises(InvalidInput, match="must be a real number, it is complex at c = 2"):
+            Parameters(law=lambda c, v_p0, c_r: 1j * c).v_p_derivatives(2.0, order)
+        with pytest.raises(InvalidInput, match="must be a real number, it is complex at c = 2"):
+            Parameters(stress=lambda c, c_r: 1j * c).tau_derivatives(np.array([2.0, 3.0]), order)
+    assert np.iscomplexobj(Parameters().v_p(1.0 + 1.0j))
+
+
 def test_an_expression_is_parsed_once():
     from amoeboid.numerics.expressions import parsed
 

@@ -213,6 +213,10 @@ class CellOnMesh(Cell, Protocol):
     def faces(self) -> Index:
         """Node numbers of the triangles (F, 3)."""
 
+    @property
+    def rate(self) -> float:
+        """The unit in which slow is measured, also where all parameters of speed are 0 [1/T]."""
+
 
 def selected(names: Iterable[str] | None = None) -> Mapping[str, Observable]:
     """The observables of these names, in the order of `OBSERVABLES`; all of them for None.
@@ -356,10 +360,9 @@ def cortex_drag_speed(cell: Cell) -> float:
 
 
 @observable("1", vector=True, on_meshes=True)
-def cortex_drag_heading(cell: Cell) -> Array:
+def cortex_drag_heading(cell: CellOnMesh) -> Array:
     """Unit vector (3,) along `cortex_drag_velocity`; zero for a cell that rests."""
     velocity = cortex_drag_velocity(cell)
     speed = np.linalg.norm(velocity)
-    p = cell.parameters
-    moves = speed > MIN_SPEED_WITH_HEADING * p.rate * p.R0
+    moves = speed > MIN_SPEED_WITH_HEADING * cell.rate * cell.parameters.R0
     return np.asarray(velocity / speed if moves else np.zeros(3))

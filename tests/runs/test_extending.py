@@ -157,6 +157,40 @@ def test_a_writer_of_a_script_writes_at_its_own_times(tmp_path):
     assert counted.numbers == tuple(range(0, run.last.number + 1, 2))
 
 
+class Asks:
+    def __init__(self, due):
+        self.answer = due
+
+    def due(self, step):
+        return self.answer(step)
+
+    def write(self, step):
+        pass
+
+
+@pytest.mark.parametrize(
+    "due",
+    [
+        lambda step: [step.state.t + 5.0],
+        lambda step: [-3.0],
+        lambda step: "never",
+        lambda step: [None],
+        lambda step: [float("nan")],
+    ],
+)
+def test_a_writer_that_asks_for_no_time_of_the_step_is_refused_by_name(due):
+    with pytest.raises(am.InvalidInput, match="due.step. of a writer .* Asks gave"):
+        am.simulate(P, mesh=SMALL, until=am.time(0.05), writers=[Asks(due)])
+
+
+def test_an_event_that_gives_no_truth_value_is_refused_by_name():
+    def two_answers(step):
+        return step.state.c[:2] > 3.0
+
+    with pytest.raises(am.InvalidInput, match="event must give true, false or a text, two_answers"):
+        am.simulate(P, mesh=SMALL, until=two_answers)
+
+
 def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(
     tmp_path, monkeypatch, capsys
 ):

@@ -4,6 +4,7 @@ import pickle
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import amoeboid as am
 from amoeboid.config import Config, Initial, Mesh, Output, Time
@@ -130,6 +131,16 @@ def test_reprs_are_short(solution):
         assert "data:image/png" in shown._repr_html_()
 
 
+def test_a_run_of_few_observables_is_drawn_by_the_first_of_them():
+    for names, label in ((["c_rear", "polarity"], "c_rear"), (["cortex_drag_heading"], None)):
+        run = am.simulate(P, mesh=SMALL, until=am.time(0.05), observe=names)
+        axes = run.plot(Figure().add_subplot())
+        assert axes.get_ylabel().startswith(label or "cortex_drag_heading_x")
+        assert "data:image/png" in run._repr_html_()
+    run = am.simulate(P, mesh=SMALL, until=am.time(0.05), observe=[])
+    assert "<img" not in run._repr_html_()
+
+
 def test_tables_of_the_time_series(solution):
     pytest.importorskip("pandas")
     table = solution.to_pandas()
@@ -189,10 +200,10 @@ def test_a_run_starts_as_another_cell(solution):
     [
         ({"parameters": 3.0}, "parameters must be Parameters or a Config"),
         ({"mesh": 3}, "mesh must be amoeboid.Icosphere"),
-        ({"mesh": am.Icosphere(9)}, "mesh.subdivisions must be"),
         ({"until": "steady"}, "until must be an event"),
         ({"initial": 3.0}, "initial must be"),
         ({"times": []}, "at least one time"),
+        ({"times": 0.5}, "times must be a list of times, got 0.5"),
         ({"observe": ["speed"]}, "'speed' is no observable"),
         ({"writers": [print]}, "must have the methods due"),
         ({"progress": "yes"}, "progress must be"),
@@ -202,6 +213,12 @@ def test_a_run_starts_as_another_cell(solution):
 def test_wrong_arguments_are_refused(keywords, says):
     with pytest.raises(am.InvalidInput, match=says):
         am.simulate(**keywords)
+
+
+@pytest.mark.parametrize("count", [0, -1, 7, 99, 1.5, True, "3"])
+def test_an_icosphere_that_no_run_can_have_is_refused_at_once(count):
+    with pytest.raises(am.InvalidInput, match="mesh.subdivisions must be a whole number >= 1"):
+        am.Icosphere(count)
 
 
 @pytest.mark.parametrize(

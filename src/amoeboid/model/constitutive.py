@@ -102,7 +102,9 @@ class Relation(ABC):
         c = _floating(at[0])
         others = [x if isinstance(x, float | complex) else _floating(x) for x in at[1:]]
         shape = np.shape(c)
-        arrays = [x for x in (*others, *self.own.values()) if isinstance(x, np.ndarray)]
+        given = (*others, *self.own.values())
+        arrays = [x for x in given if isinstance(x, np.ndarray)]
+        real = not any(map(np.iscomplexobj, (c, *given)))
         if arrays:
             shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
@@ -110,7 +112,7 @@ class Relation(ABC):
                 found = [self._value_at(c, others)]
             else:
                 found = self._series_at(c, others, order).derivatives()
-        return tuple(self._finite(k, v, c, shape) for k, v in enumerate(found))
+        return tuple(self._finite(k, v, c, shape, real=real) for k, v in enumerate(found))
 
     def _value_at(self, c: Any, others: list[Any]) -> Any:
         try:
@@ -146,9 +148,19 @@ class Relation(ABC):
             "without branches and tables; 3D runs take it as it is"
         )
 
-    def _finite(self, k: int, found: Any, c: Any, shape: tuple[int, ...]) -> Array:
-        """Derivative k as an array. Raises InvalidInput if it is none, or not finite."""
+    def _finite(self, k: int, found: Any, c: Any, shape: tuple[int, ...], *, real: bool) -> Array:
+        """Derivative k as an array of floating-point numbers, real ones if all that is given is.
+
+        Raises InvalidInput if it is none, or not finite.
+        """
         value = np.asarray(found)
+        if value.dtype.kind in "bui":
+            value = value.astype(float)
+        if real and np.iscomplexobj(value):
+            where = np.ravel(c)[0] if np.size(c) else c
+            raise InvalidInput(
+                f"{self._named(k)} must be a real number, it is complex at c = {where:.6g}"
+            )
         try:
             value = value if value.shape == shape else np.broadcast_to(value, shape)
             good = np.isfinite(value)

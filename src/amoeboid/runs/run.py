@@ -13,7 +13,7 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import POSITION, Row
+from amoeboid.simulation.timeseries import POSITION, STEP_UNITS, Row
 from amoeboid.simulation.timeseries import column as column_of
 from amoeboid.studies.columns import Column, column, dataset, frame, quantity
 from amoeboid.validation import InvalidInput
@@ -164,9 +164,18 @@ class Run:
         """The time series as an xarray.Dataset over t, each variable with its unit."""
         return dataset(self.columns, "t", ["t"], status=self.status, ended=self.ended)
 
-    def plot(self, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
-        """Draw a column of the time series over time. Takes and returns axes."""
-        return plotted(self, "runs.draw", ax, observable=observable)
+    def plot(self, ax: Any = None, observable: str | None = None) -> Any:
+        """Draw a column of the time series over time. Takes and returns axes.
+
+        None: max_retrograde_speed, or the first observable of a run that was told to leave it out.
+        """
+        return plotted(self, "runs.draw", ax, observable=observable or self._telling_column)
+
+    @property
+    def _telling_column(self) -> str:
+        """The column that is drawn unless another is asked for."""
+        known = [name for name in self.units if name not in STEP_UNITS]
+        return SHOWN[0] if SHOWN[0] in known or not known else known[0]
 
     def plot_trajectory(self, ax: Any = None) -> Any:
         """Draw the trajectory in its main plane, colored by time. Takes and returns axes."""
@@ -191,7 +200,10 @@ class Run:
         notes = [self.ended] if self.status != "finished" else []
         notes += [self.stability_problem] if self.steady and self.stability_problem else []
         heading = f"{type(self).__name__}: {self._end}"
-        return html_table(heading, rows, notes=notes) + html_picture(self, "runs.draw")
+        table = html_table(heading, rows, notes=notes)
+        column = self._telling_column
+        drawable = column in self.units
+        return table + (html_picture(self, "runs.draw", observable=column) if drawable else "")
 
 
 def shown_time(p: Parameters, t: float) -> str:

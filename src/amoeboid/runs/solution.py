@@ -27,7 +27,7 @@ from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
-from amoeboid.simulation.events import declared, time_of
+from amoeboid.simulation.events import declared, times_of
 from amoeboid.simulation.loop import start
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import Row, TimeSeries
@@ -144,9 +144,7 @@ def simulate(
     if cue is not None:
         config = replace(config, cue=cue)
     if times is not None:
-        at = tuple(time_of(t, config.parameters, "times") for t in times)
-        if not at:
-            raise InvalidInput("times must name at least one time; leave them out for multiples")
+        at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))
     config, cell = _started_from(config, mesh, initial)
     section, events = declared(config.time, until, config.parameters)

@@ -102,10 +102,20 @@ def events_of(time: Time) -> list[Event]:
 
 
 def reason(step: Step, events: Iterable[Event]) -> str | None:
-    """Why a run ends at a step, by the first event that says so; None if it goes on."""
+    """Why a run ends at a step, by the first event that says so; None if it goes on.
+
+    Raises InvalidInput for an event that gives neither a truth value nor a text.
+    """
     for event in events:
         found = event(step)
-        if found:
+        try:
+            ends = bool(found)
+        except Exception as error:  # of an array of several numbers, for one
+            raise InvalidInput(
+                f"an event must give true, false or a text, {named(event)} gave "
+                f"{str(found)[:100]!r}: {error}"
+            ) from error
+        if ends:
             return found if isinstance(found, str) else named(event)
     return None
 
@@ -123,6 +133,16 @@ def time_of(given: Any, p: Parameters, name: str) -> float:
             "quantities with units start from Parameters.physical"
         )
     return measured(name, given, "T", "300 s") / p.units.of("T")
+
+
+def times_of(given: Any, p: Parameters, name: str) -> tuple[float, ...]:
+    """At least one time as numbers [T], each given as to `time_of`. Raises InvalidInput."""
+    if isinstance(given, str) or not isinstance(given, Iterable):
+        raise InvalidInput(f"{name} must be a list of times, got {given!r}; write [{given!r}]")
+    found = tuple(time_of(t, p, name) for t in given)
+    if not found:
+        raise InvalidInput(f"{name} must name at least one time; leave them out for multiples")
+    return found
 
 
 def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, ...]]:

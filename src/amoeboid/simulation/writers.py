@@ -6,6 +6,7 @@ takes it. One that has a method `finish(step)` is told the last step of the run.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Protocol
 
@@ -40,9 +41,10 @@ def checked(writers: Iterable[Any]) -> tuple[Any, ...]:
 def take(writers: Sequence[Writer], before: Step | None, step: Step) -> None:
     """Let the writers take up the next step, in their order; `before` is the step before it.
 
-    All are asked before any writes.
+    All are asked before any writes. Raises InvalidInput for times that lie outside the step.
     """
-    plans = [(writer, _times(writer.due(step), step)) for writer in writers]
+    begin = step.state.t if before is None else before.state.t
+    plans = [(writer, _times(writer, writer.due(step), begin, step.state.t)) for writer in writers]
     for writer, times in plans:
         for t in times:
             here = before is None or t == step.state.t
@@ -56,7 +58,17 @@ def finish(writers: Iterable[Any], step: Step) -> None:
             writer.finish(step)
 
 
-def _times(due: bool | Iterable[float], step: Step) -> list[float]:
-    if isinstance(due, Iterable):
-        return [float(t) for t in due]
-    return [step.state.t] if due else []
+def _times(writer: Any, due: bool | Iterable[float], begin: float, end: float) -> list[float]:
+    """When a writer writes within the step from `begin` to `end`. Raises InvalidInput."""
+    if not isinstance(due, Iterable):
+        return [end] if due else []
+    try:
+        times = [] if isinstance(due, str) else [float(t) for t in due]
+    except (TypeError, ValueError):
+        times = [math.nan]
+    if isinstance(due, str) or not all(begin <= t <= end for t in times):
+        raise InvalidInput(
+            f"due(step) of a writer must give true, false or times from {begin:g} to {end:g}, "
+            f"{type(writer).__name__} gave {str(due)[:100]}"
+        )
+    return times

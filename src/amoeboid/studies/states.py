@@ -15,6 +15,7 @@ from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.search import SteadySolutions, steady_solutions
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
 from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.config import Mesh
 from amoeboid.display import html_picture, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
@@ -126,14 +127,14 @@ class SteadyState:
         """This state on a mesh of the sphere, the initial condition of a 3D run.
 
         `mesh` is an icosphere: anything with `subdivisions`, or that number. The rear lies at
-        z > 0.
+        z > 0. Raises InvalidInput for another mesh, and a number that is none of `Mesh`.
         """
         subdivisions = getattr(mesh, "subdivisions", mesh)
         if isinstance(subdivisions, bool) or not isinstance(subdivisions, int):
             raise InvalidInput(
                 f"the mesh must be an icosphere or its number of subdivisions, got {mesh!r}"
             )
-        directions, faces = uniform_icosphere(subdivisions)
+        directions, faces = uniform_icosphere(Mesh(subdivisions=subdivisions).subdivisions)
         r, c = on_directions(self.solution, directions)
         return InitialCell(r, faces, np.maximum(c, 0.0), self.solution.zeta0)
 

@@ -30,6 +30,11 @@ class SurfaceCell:
         return self.model.parameters
 
     @property
+    def rate(self) -> float:
+        """The unit in which slow is measured [1/T]; see Model.rate."""
+        return self.model.rate
+
+    @property
     def t(self) -> float:
         """Time [T]."""
         return self.state.t
