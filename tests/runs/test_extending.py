@@ -179,7 +179,7 @@ class Asks:
     ],
 )
 def test_a_writer_that_asks_for_no_time_of_the_step_is_refused_by_name(due):
-    with pytest.raises(am.InvalidInput, match="due.step. of a writer .* Asks gave"):
+    with pytest.raises(am.InvalidInput, match=r"due.step. of a writer .* Asks gave"):
         am.simulate(P, mesh=SMALL, until=am.time(0.05), writers=[Asks(due)])
 
 

@@ -217,7 +217,7 @@ def test_wrong_arguments_are_refused(keywords, says):
 
 @pytest.mark.parametrize("count", [0, -1, 7, 99, 1.5, True, "3"])
 def test_an_icosphere_that_no_run_can_have_is_refused_at_once(count):
-    with pytest.raises(am.InvalidInput, match="mesh.subdivisions must be a whole number >= 1"):
+    with pytest.raises(am.InvalidInput, match=r"mesh.subdivisions must be a whole number >= 1"):
         am.Icosphere(count)
 
 

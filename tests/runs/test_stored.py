@@ -151,3 +151,25 @@ def test_stored_runs_pickle_as_their_folder(made):
     data = pickle.dumps(run)
     assert len(data) < 1000
     assert pickle.loads(data).rows == run.rows  # noqa: S301  (our own)
+
+
+def test_a_folder_that_lacks_files_shows_what_is_missing(made, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(made[1], folder)
+    (folder / "checkpoint.npz").unlink()
+    run = am.load(folder)
+    assert "has no checkpoint.npz" in repr(run)
+    assert "has no checkpoint.npz" in run._repr_html_()
+    (folder / "timeseries.csv").unlink()
+    with pytest.raises(am.InvalidInput, match="must have a time series"):
+        am.load(folder).columns  # noqa: B018
+
+
+def test_a_wrong_progress_leaves_no_run_in_the_folder(made, tmp_path):
+    with pytest.raises(am.InvalidInput, match="progress must be"):
+        am.simulate(P, mesh=am.Icosphere(1), folder=tmp_path / "run", progress="yes")
+    assert not (tmp_path / "run").exists()
+    before = (made[1] / "manifest.json").read_text()
+    with pytest.raises(am.InvalidInput, match="progress must be"):
+        am.load(made[1]).resume(until=am.time(2.0), progress="yes")
+    assert (made[1] / "manifest.json").read_text() == before

@@ -290,6 +290,36 @@ def test_theory_of_a_physical_cell_has_units():
     assert "no threshold" in repr(am.theory(am.Parameters(law="1 + 0*c")))
 
 
+@pytest.mark.parametrize("function", [am.theory, am.steady_states, am.branch, am.phase_diagram])
+def test_what_is_no_cell_is_refused_with_the_remedy(function):
+    with pytest.raises(am.InvalidInput, match="must be given as Parameters, got None"):
+        function(None)
+    with pytest.raises(am.InvalidInput, match=r"give its .parameters"):
+        function(am.Config())
+
+
+@pytest.mark.parametrize("degrees", [(), (0,), (-1,), (1.5,), ("1",), (True,), 1])
+def test_a_search_in_no_mode_is_not_called_complete(degrees):
+    with pytest.raises(am.InvalidInput, match="degrees must be whole numbers >= 1"):
+        am.steady_states(BISTABLE, degrees)
+
+
+@pytest.mark.parametrize(
+    ("function", "keywords", "says"),
+    [
+        (am.branch, {"end": 6.5, "max_step": "a"}, "max_step must be"),
+        (am.branch, {"end": 6.5, "max_points": 1.5}, "max_points must be a whole number"),
+        (am.phase_diagram, {"columns": "a"}, "columns must be a whole number"),
+        (am.phase_diagram, {"rows": 2.5}, "rows must be a whole number"),
+        (am.phase_diagram, {"speeds": (1.0,)}, "speeds must be"),
+        (am.phase_diagram, {"speeds": 3.0}, "speeds must be"),
+    ],
+)
+def test_options_of_another_type_are_refused(function, keywords, says):
+    with pytest.raises(am.InvalidInput, match=says):
+        function(BISTABLE, **keywords)
+
+
 def test_a_diagram_of_a_physical_cell_has_units():
     found = am.phase_diagram(CELL, "D", "1 um^2/s", "1.2 um^2/s", speeds=("1.6 um/s", "2.2 um/s"),
                              columns=2, rows=2)  # fmt: skip

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import overload
+from numbers import Integral
+from typing import Any, overload
 
 import numpy as np
 
@@ -74,6 +75,16 @@ class SteadySolutions(Sequence[SteadySolution]):
         return "\n".join([f"{count}, {found}", *lines, *(f"- {text}" for text in self.problems)])
 
 
+def _check_degrees(degrees: Any) -> None:
+    """Raise InvalidInput unless each is the degree of a mode, and there is one."""
+    many = isinstance(degrees, tuple | list) and len(degrees) > 0
+    whole = many and all(isinstance(x, Integral) and not isinstance(x, bool) for x in degrees)
+    if not (whole and min(degrees) >= 1):
+        raise InvalidInput(
+            f"degrees must be whole numbers >= 1, such as (1, 2, 3), at least one, got {degrees!r}"
+        )
+
+
 def steady_solutions(
     p: Parameters,
     degrees: tuple[int, ...] = (1, 2, 3),
@@ -84,8 +95,9 @@ def steady_solutions(
     They lie where v_p0 = p.v_p0 on the branches that bifurcate from the homogeneous sphere in its
     modes l of `degrees` as v_p0 changes, mirror images left out. Each branch is followed through
     its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states without such a
-    connection to the sphere are not found.
+    connection to the sphere are not found. Raises InvalidInput for degrees that no mode has.
     """
+    _check_degrees(degrees)
     found, problems = [homogeneous(p)], []
     without = _without_speed(p)
     if without:

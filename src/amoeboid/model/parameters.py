@@ -360,6 +360,14 @@ def _own_units(si: Mapping[str, float]) -> Units:
     )
 
 
+def refuse_no_parameters(found: Any) -> None:
+    """Raise InvalidInput for what is no Parameters, telling where its parameters may be."""
+    if not isinstance(found, Parameters):
+        own = isinstance(getattr(found, "parameters", None), Parameters)
+        remedy = "; give its .parameters" if own else ""
+        raise InvalidInput(f"the cell must be given as Parameters, got {found!r:.200}{remedy}")
+
+
 def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
     """Parameters from names and values; those not named keep the paper's table values.
 

@@ -37,21 +37,28 @@ def reported(start: float, end: float, after: float = 0.0) -> Iterator[Report]:
         yield report
 
 
-@contextmanager
-def wanted(progress: Any, start: float, end: float) -> Iterator[Report]:
-    """What the keyword `progress` asks for: None, after a while; True, at once; False, nothing."""
-    if progress is False:
-        yield unreported
-    elif callable(progress):
-        yield lambda row: None if row is None else progress(dict(row))
-    elif progress is None or progress is True:
-        with reported(start, end, 0.0 if progress else QUIET) as report:
-            yield report
-    else:
+def check_progress(progress: Any) -> None:
+    """Raise InvalidInput for what `wanted` does not take."""
+    if not (progress is None or isinstance(progress, bool) or callable(progress)):
         raise InvalidInput(
             "progress must be None, True, False or a function of a row of the time series, got "
             f"{progress!r}"
         )
+
+
+@contextmanager
+def wanted(progress: Any, start: float, end: float) -> Iterator[Report]:
+    """What the keyword `progress` asks for: None, after a while; True, at once; False, nothing.
+
+    It was checked by `check_progress`, before a run leaves anything in a folder.
+    """
+    if progress is False:
+        yield unreported
+    elif callable(progress):
+        yield lambda row: None if row is None else progress(dict(row))
+    else:
+        with reported(start, end, 0.0 if progress else QUIET) as report:
+            yield report
 
 
 def _parts(row: Row, start: float, end: float, elapsed: float) -> tuple[str, ...]:

@@ -146,6 +146,8 @@ class Run:
     def columns(self) -> dict[str, Column]:
         """The time series in the units of the parameters; NaN where a column is not known."""
         p, found = self.parameters, {}
+        if "t" not in self.units:
+            raise InvalidInput("a run must have a time series for this, it has none")
         for name, dimension in self.units.items():
             values = column_of(self.rows, self.units, name)
             known = values.filled(np.nan) if np.ma.isMaskedArray(values) else values

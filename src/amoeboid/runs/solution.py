@@ -22,7 +22,7 @@ from amoeboid.runs.advance import (
 )
 from amoeboid.runs.continuing import check_continues
 from amoeboid.runs.meshes import Icosphere, placed_on
-from amoeboid.runs.progress import wanted
+from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.runs.stored import StoredRun
@@ -72,6 +72,7 @@ class Solution(Run):
 
         Raises InvalidInput where it would end at once.
         """
+        check_progress(progress)
         time, events = declared(self.config.time, until, self.parameters)
         config = replace(self.config, time=time)
         check_continues(self.last, resolved(config).time, events)
@@ -133,6 +134,7 @@ def simulate(
     The solution of a run that cannot go on has the status "diverged"; its steps are good. Raises
     InvalidInput.
     """
+    check_progress(progress)
     config = parameters if isinstance(parameters, Config) else Config()
     if isinstance(parameters, Parameters):
         config = replace(config, parameters=parameters)

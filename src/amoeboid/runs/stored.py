@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, overload
 
 from amoeboid.config import Config, resolved
+from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.atomic import text_of
 from amoeboid.output.checkpoint import read_checkpoint
@@ -19,7 +20,7 @@ from amoeboid.output.frame_reader import read_frame
 from amoeboid.output.timeseries import read_table
 from amoeboid.runs.advance import advance_in_folder
 from amoeboid.runs.continuing import check_continues
-from amoeboid.runs.progress import wanted
+from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.events import declared
@@ -121,6 +122,11 @@ class StoredRun(Run):
     def last(self) -> Step:
         """The step of the checkpoint, from which `resume` goes on. Raises InvalidInput."""
         path = self.folder / "checkpoint.npz"
+        if not path.is_file():
+            raise InvalidInput(
+                f"the run in {str(self.folder)!r} has no checkpoint.npz: it ended before its first "
+                "one, or the file was removed"
+            )
         try:
             step = read_checkpoint(path).step
         except (OSError, InvalidInput) as error:
@@ -151,6 +157,7 @@ class StoredRun(Run):
 
         Raises InvalidInput where it cannot be read, or would end at once.
         """
+        check_progress(progress)
         time, events = declared(self.config.time, until, self.parameters)
         config = replace(self.config, time=time)
         run, first = resumed_run(self.folder, config, writers, observe)
@@ -171,6 +178,12 @@ class StoredRun(Run):
             return f"StoredRun({name!r}, {self._end})"
         except InvalidInput as problem:
             return f"StoredRun({name!r}, unreadable: {str(problem)[:300]})"
+
+    def _repr_html_(self) -> str:
+        try:
+            return super()._repr_html_()
+        except InvalidInput:
+            return html_table(repr(self), [])
 
 
 def load(folder: str | os.PathLike[str]) -> StoredRun:

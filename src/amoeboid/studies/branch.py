@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral, Real
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.tracing import BranchSolution
 from amoeboid.display import html_picture, plotted
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.numerics.continuation import Options
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
@@ -262,11 +263,12 @@ def branch(
     Branch in v_p0: threshold 6.02566, fold 5.20960, complete
     12 states from v_p0 = 6.02056 to 6.50000, 6 of them stable
     """
+    refuse_no_parameters(p)
     first, last = checked_window(p, name, start, end)
-    if not (math.isfinite(max_step) and max_step > 0):
+    if not (_is(Real, max_step) and math.isfinite(max_step) and max_step > 0):
         raise InvalidInput(f"max_step must be > 0 and finite, got {max_step!r}")
-    if max_points < 1:
-        raise InvalidInput(f"max_points must be >= 1, got {max_points!r}")
+    if not (_is(Integral, max_points) and max_points >= 1):
+        raise InvalidInput(f"max_points must be a whole number >= 1, got {max_points!r}")
     scale = (onset_speed(p) if name == "v_p0" else None) or max(abs(first), abs(last))
     options = Options(
         parameter_scale=scale,
@@ -284,6 +286,10 @@ def branch(
     if not found.points and found.complete:
         raise InvalidInput(f"{found.message}: choose a window that it passes")
     return shown_branch(p, found)
+
+
+def _is(kind: type, value: Any) -> bool:
+    return isinstance(value, kind) and not isinstance(value, bool)
 
 
 def checked_window(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from amoeboid.axisymmetric.phase_diagram import (
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.display import html_picture, html_table, plotted
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import (
     magnitude,
     needed,
@@ -214,6 +215,9 @@ def phase_diagram(
     paper's table in units of this cell (D and v_p0 alone). `watch` is called with every step.
     Raises InvalidInput for windows that cannot be, and where there is nothing to measure them in.
     """
+    refuse_no_parameters(p)
+    if speeds is not None and (not isinstance(speeds, tuple | list) or len(speeds) != 2):
+        raise InvalidInput(f"speeds must be (lowest, highest), got {speeds!r}")
     given = (low, high, *(speeds or (None, None)))
     window, speed_window = windows(p, name, *given)
     checked_counts(columns, rows)
@@ -242,8 +246,11 @@ LABELS = {
 def checked_counts(columns: int, rows: int, labels: Mapping[str, str] = LABELS) -> None:
     """Raises InvalidInput for numbers of columns and rows that make no diagram."""
     for label, count in (("columns", columns), ("rows", rows)):
-        if not 2 <= count <= MAX_GRID:
-            raise InvalidInput(f"{labels[label]} must be >= 2 and <= {MAX_GRID}, got {count}")
+        whole = isinstance(count, Integral) and not isinstance(count, bool)
+        if not (whole and 2 <= count <= MAX_GRID):
+            raise InvalidInput(
+                f"{labels[label]} must be a whole number >= 2 and <= {MAX_GRID}, got {count!r}"
+            )
 
 
 def windows(

@@ -19,7 +19,7 @@ from amoeboid.config import Mesh
 from amoeboid.display import html_picture, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
     Column,
@@ -302,13 +302,14 @@ def steady_states(
 
     They are sought along the branches in v_p0 that bifurcate from the homogeneous sphere in its
     modes l of `degrees`; mirror images are left out. `watch` is called with every step. Whether
-    the search was complete is part of the answer.
+    the search was complete is part of the answer. Raises InvalidInput for degrees that no mode has.
 
     >>> import amoeboid as am
     >>> states = am.steady_states(am.Parameters(D=0.4, v_p0=5.5))
     >>> [state.stable for state in states]
     [True, False, True]
     """
+    refuse_no_parameters(p)
     return shown_states(steady_solutions(p, degrees, watch))
 
 

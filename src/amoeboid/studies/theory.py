@@ -10,7 +10,7 @@ import numpy as np
 
 from amoeboid.closed_forms.summary import Summary, Weakly, summary
 from amoeboid.display import html_table
-from amoeboid.model.parameters import Parameters
+from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import physical_number, quantity, shortened, text, unit
 
 
@@ -237,4 +237,5 @@ def theory(p: Parameters) -> Theory:
     >>> f"{cell.threshold:.5f}", cell.bifurcation
     ('3.54844', 'supercritical')
     """
+    refuse_no_parameters(p)
     return Theory(p, summary(p))
