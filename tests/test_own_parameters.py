@@ -343,6 +343,15 @@ def test_values_are_real_floating_point_numbers():
     assert np.iscomplexobj(Parameters().v_p(1.0 + 1.0j))
 
 
+def test_cells_of_impossible_units_are_refused():
+    with pytest.raises(InvalidInput, match="must be within double precision"):
+        Parameters.physical(R0="1e300 m")
+    with pytest.raises(InvalidInput, match=r"start from Parameters\.physical"):
+        Parameters(units=3)
+    with pytest.raises(InvalidInput, match="'inverse' has no parameter 'n', it has none"):
+        Parameters().replace(**{"law": "inverse", "law.n": 2})
+
+
 def test_an_expression_is_parsed_once():
     from amoeboid.numerics.expressions import parsed
 

@@ -14,6 +14,7 @@ from typing import Any
 import tomli_w
 
 from amoeboid.conditions import condition
+from amoeboid.display import short_repr
 from amoeboid.model.changes import CHANGEABLE, Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
@@ -76,6 +77,8 @@ class Initial:
     `from_frame`; without either the cell is the sphere of section [mesh].
     """
 
+    __repr__ = short_repr
+
     perturbation: float = automatic(
         "amplitude of the initial polarization, c0 (c0/5 if the law needs c > 0), 0 with "
         "from_frame",
@@ -113,6 +116,8 @@ class Initial:
 class Time:
     """Section [time]."""
 
+    __repr__ = short_repr
+
     end: float = automatic(
         "simulated time at which the run ends, 200/rate (after the last change)", "T", gt=0
     )
@@ -136,6 +141,8 @@ class Time:
 class Output:
     """Section [output]."""
 
+    __repr__ = short_repr
+
     interval: float = automatic(
         "simulated time between two frames, 0.5/rate; frames are at its multiples and at the end",
         "T",
@@ -157,6 +164,8 @@ def figure_3d() -> Parameters:
 @dataclass(frozen=True, kw_only=True)
 class Config:
     """Everything that determines a run; the defaults are figure 3D of the paper."""
+
+    __repr__ = short_repr
 
     parameters: Parameters = field(default_factory=figure_3d)
     mesh: Mesh = field(default_factory=Mesh)

@@ -6,12 +6,16 @@ A result knows the name of the function of `plotting` that draws it, and nothing
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import fields
 from html import escape
 from importlib import import_module
 from typing import Any
 
 DIGITS = 6
 """Significant digits of a number."""
+
+MAX_REPR = 900
+"""Characters of the text of a dataclass."""
 
 GAP = "  "
 """Between two columns of a table of text."""
@@ -26,6 +30,27 @@ def shown(value: Any) -> str:
     if isinstance(value, float):
         return f"{value + 0.0:.{DIGITS}g}"
     return str(value)
+
+
+def short_repr(result: Any) -> str:
+    """The `repr` of a dataclass in at most MAX_REPR characters; arrays show their shape.
+
+    What is left out is marked by dots.
+    """
+    parts = []
+    for f in fields(result):
+        if f.repr:
+            value = getattr(result, f.name)
+            shape = getattr(value, "shape", ())
+            parts.append((f.name, f"array of shape {shape}" if shape else repr(value)))
+    width = MAX_REPR
+    while True:
+        texts = [f"{name}={text if len(text) <= width else text[:width] + ' ...'}"
+                 for name, text in parts]  # fmt: skip
+        whole = f"{type(result).__name__}({', '.join(texts)})"
+        if len(whole) <= MAX_REPR or width < 10:
+            return whole
+        width = int(0.8 * width)
 
 
 def html_table(

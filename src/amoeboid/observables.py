@@ -156,6 +156,10 @@ class Observables(UserDict[str, Observable]):
             )
         super().__setitem__(name, value if isinstance(value, Observable) else Observable(value))
 
+    def __repr__(self) -> str:
+        names = ", ".join(list(self)[:20]) + (", ..." if len(self) > 20 else "")
+        return f"Observables({names})"
+
 
 OBSERVABLES = Observables()
 """All observables by name, those of the package first; `observable` adds to it."""

@@ -215,6 +215,31 @@ def test_wrong_arguments_are_refused(keywords, says):
         am.simulate(**keywords)
 
 
+def test_extreme_objects_have_short_texts(solution):
+    step, many = solution.last, tuple(range(1, 1000))
+    texts = ("t > 1 or " * 40 + "t > 2",) * 20
+    changes = {
+        name: am.steps(*[(float(t), 1.0 / t) for t in many])
+        for name in ("v_p0", "D", "beta", "alpha", "c_r", "eta_s", "eta_b", "delta_P", "c0")
+    }
+    for found in (
+        step,
+        step.model,
+        step.state,
+        step.flow,
+        step.cell,
+        am.OBSERVABLES,
+        Output(times=many),
+        Time(until=texts),
+        Initial(harmonics=[(2, 0, 0.1)] * 300),
+        Config(changes=changes, time=Time(until=texts), output=Output(times=many)),
+    ):
+        assert len(repr(found)) < 1000
+        assert repr(found).startswith(type(found).__name__)
+    assert repr(Time(end=2.0)).startswith("Time(end=2.0, scheme='semi-implicit', tolerance=0.001,")
+    assert "r=array of shape (42, 3)" in repr(step.state)
+
+
 @pytest.mark.parametrize("count", [0, -1, 7, 99, 1.5, True, "3"])
 def test_an_icosphere_that_no_run_can_have_is_refused_at_once(count):
     with pytest.raises(am.InvalidInput, match=r"mesh.subdivisions must be a whole number >= 1"):

@@ -137,6 +137,11 @@ class Parameters(Material):
 
     def __post_init__(self) -> None:
         validate(self)
+        if self.units is not None and not isinstance(self.units, Units):
+            raise InvalidInput(
+                f"units must be None or Units, got {self.units!r}; for quantities with units start "
+                "from Parameters.physical"
+            )
 
     @classmethod
     def physical(cls, **quantities: Any) -> Parameters:
@@ -349,14 +354,14 @@ def _own_units(si: Mapping[str, float]) -> Units:
     if si["beta"] > 0:
         time = 1 / si["beta"]
     elif si["D"] > 0:
-        time = si["R0"] ** 2 / si["D"]
+        time = si["R0"] * si["R0"] / si["D"]
     else:
         raise InvalidInput("beta and D must not both be 0: one of them sets the unit of time")
     return Units(
         length=si["R0"],
         time=time,
         mass=si["eta_s"] * time,
-        filaments=si["c_r"] * si["R0"] ** 2,
+        filaments=si["c_r"] * si["R0"] * si["R0"],
     )
 
 

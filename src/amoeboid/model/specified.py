@@ -196,6 +196,8 @@ def _of_class(kind: type[AnyRelation], word: str, own: Mapping[str, Any]) -> Any
     declared: dict[str, Any] = {}
     if is_dataclass(kind):
         declared = {f.name: f for f in fields(kind) if f.init}
+    if not declared:
+        kind().refuse_unknown_own(own)
     refuse_unknown(own, declared, f"parameter of the {kind.noun} {word!r}")
     for name, f in declared.items():
         if name not in own and f.default is MISSING and f.default_factory is MISSING:

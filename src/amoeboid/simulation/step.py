@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
+from amoeboid.display import shown
 from amoeboid.simulation.changes import awaited
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import Adaptation
@@ -37,6 +38,11 @@ class Step:
     ended: str | None = None
     tried: Array | None = None
     adapted: Adaptation | None = None
+
+    def __repr__(self) -> str:
+        nodes = f"{len(self.state.r)} nodes"
+        ended = "" if self.ended is None else f", {self.ended[:200]}"
+        return f"Step({self.number} at t = {shown(self.state.t)}, {nodes}{ended})"
 
     @property
     def steady(self) -> bool:

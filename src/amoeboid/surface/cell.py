@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array, Index
+from amoeboid.display import shown
 from amoeboid.meshes import geometry
 from amoeboid.meshes.extrema import SEARCHED, fitted_maxima, largest, refined_extremum
 from amoeboid.model.parameters import Parameters
@@ -23,6 +24,9 @@ class SurfaceCell:
     model: Model
     state: State
     flow: Flow
+
+    def __repr__(self) -> str:
+        return f"SurfaceCell(t = {shown(self.t)}, {len(self.r)} nodes)"
 
     @property
     def parameters(self) -> Parameters:

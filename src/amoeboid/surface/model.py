@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.display import short_repr
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
 from amoeboid.model.constitutive import Differences, NoDerivatives
@@ -64,6 +65,8 @@ class Model:
     parameters change in time, and a cue; `parameters` and `cue` are then those at time `t` [T].
     Made by `driven` and `at`.
     """
+
+    __repr__ = short_repr
 
     parameters: Parameters
     mesh: Connectivity

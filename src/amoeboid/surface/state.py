@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
+from amoeboid.display import short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -16,6 +17,8 @@ class State:
     vanishes. `angular_velocity` (3,) [1/T]: that of shape and concentration, relative to fixed
     axes; None if no step on this mesh has led to this state.
     """
+
+    __repr__ = short_repr
 
     t: float
     r: Array
@@ -32,6 +35,8 @@ class Flow:
     v_c is the cortex velocity, v_p the polymerization velocity; v = v_c + v_p moves the shape.
     `normals` (V, 3) point outward, `node_areas` (V,) are the areas of the nodes.
     """
+
+    __repr__ = short_repr
 
     v_c: Array
     v_p: Array
