@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import amoeboid
 from amoeboid.axisymmetric.evolution import Dynamics, perturbed_sphere
 from amoeboid.axisymmetric.evolution import evolve as evolve_axisymmetric
 from amoeboid.axisymmetric.search import steady_solutions
@@ -322,3 +323,11 @@ def test_all_solvers_define_each_observable_alike():
             print(f"{name:22}", [f"{x:.1e}" for x in values])
             assert values[-1] < 5e-3, name
             assert values[-1] < 1e-6 or np.log2(values[0] / values[-1]) > 2 * 1.7, name
+
+
+def test_a_cell_without_filaments_has_no_polarity():
+    p = Parameters(c0=0.0, D=0.4)
+    (state,) = amoeboid.steady_states(p)
+    assert (state.polarity, state.filament_number) == (0.0, 0.0)
+    run = amoeboid.simulate(p, mesh=amoeboid.Icosphere(1), until=amoeboid.time(0.05))
+    assert run.final.polarity == 0.0

@@ -287,9 +287,10 @@ def cortex_drag_velocity(cell: Cell) -> Array:
 
 
 def polarization(cell: Cell) -> Array:
-    """The vector of `polarity` (3,): from the front to the rear."""
+    """The vector of `polarity` (3,): from the front to the rear; zero for a cell without filaments."""
     filaments = cell.integral(cell.c) * cell.parameters.R0
-    return np.asarray(cell.integral(cell.c[:, None] * cell.x) / filaments)
+    moment = np.asarray(cell.integral(cell.c[:, None] * cell.x))
+    return moment / filaments if filaments > 0 else np.zeros(3)
 
 
 @observable("L/T")

@@ -156,7 +156,7 @@ class Parameters(Material):
         naming the parameter.
 
         >>> cell = Parameters.physical(R0="10 um", v_p0="1.7 um/s")
-        >>> cell.R0, f"{cell.quantity(cell.v_p0, 'L/T'):.2f}"
+        >>> cell.R0, f"{cell.quantity(cell.v_p0, 'L/T'):.2f~P}"
         (1.0, '1.70 µm/s')
         """
         given = {**PAPER_CELL, **quantities}

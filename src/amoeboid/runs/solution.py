@@ -42,7 +42,7 @@ class Solution(Run):
     >>> import amoeboid as am
     >>> sol = am.simulate(mesh=am.Icosphere(1), until=am.time(1.0))
     >>> sol
-    Solution(end of time at t = 1, 12 steps, 42 nodes)
+    Solution(end of time at t = 1, 20 steps, 42 nodes)
     """
 
     config: Config
