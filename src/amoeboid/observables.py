@@ -287,7 +287,7 @@ def cortex_drag_velocity(cell: Cell) -> Array:
 
 
 def polarization(cell: Cell) -> Array:
-    """The vector of `polarity` (3,): from the front to the rear; zero for a cell without filaments."""
+    """The vector of `polarity` (3,): from front to rear; zero for a cell without filaments."""
     filaments = cell.integral(cell.c) * cell.parameters.R0
     moment = np.asarray(cell.integral(cell.c[:, None] * cell.x))
     return moment / filaments if filaments > 0 else np.zeros(3)
