@@ -10,8 +10,25 @@ from html import escape
 from importlib import import_module
 from typing import Any
 
+from amoeboid.validation import InvalidInput
+
 DIGITS = 6
 """Significant digits of a number."""
+
+PLAIN_UNITS = str.maketrans(
+    {
+        "µ": "u",
+        "·": " ",
+        "²": "^2",
+        "³": "^3",
+        "⁴": "^4",
+        "⁵": "^5",
+        "⁶": "^6",
+        "⁷": "^7",
+        "⁸": "^8",
+    }
+)
+"""Units as everyone can type them, and as the tables and the commands have them: um^2/s."""
 
 GAP = "  "
 """Between two columns of a table of text."""
@@ -25,6 +42,8 @@ def shown(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value + 0.0:.{DIGITS}g}"
+    if hasattr(value, "units"):
+        return str(value).translate(PLAIN_UNITS)
     return str(value)
 
 
@@ -65,8 +84,10 @@ def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]], align: str 
 def plotted(result: Any, drawing: str, ax: Any = None, **options: Any) -> Any:
     """The axes with `result` drawn on them by `drawing`, "module.function" of `plotting`.
 
-    matplotlib is imported here, and not before.
+    matplotlib is imported here, and not before. Raises InvalidInput for what are no axes.
     """
+    if ax is not None and not hasattr(ax, "plot"):
+        raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
     return _drawing(drawing)(result, ax, **options)
 
 

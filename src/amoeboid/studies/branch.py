@@ -22,6 +22,7 @@ from amoeboid.numerics.continuation import Options
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
     Column,
+    check_parameters,
     column,
     dataset,
     frame,
@@ -262,6 +263,7 @@ def branch(
     Branch in v_p0: threshold 6.02566, fold 5.20960, complete
     12 states from v_p0 = 6.02056 to 6.50000, 6 of them stable
     """
+    check_parameters(p)
     first, last = checked_window(p, name, start, end)
     if not (math.isfinite(max_step) and max_step > 0):
         raise InvalidInput(f"max_step must be > 0 and finite, got {max_step!r}")

@@ -89,6 +89,12 @@ def with_units(p: Parameters, problems: Sequence[str], *names: str) -> tuple[str
     return (*problems, f"numbers in these messages are those of the solver: {units}")
 
 
+def check_parameters(p: Any) -> None:
+    """Raises InvalidInput for what are no Parameters."""
+    if not isinstance(p, Parameters):
+        raise InvalidInput(f"p must be amoeboid.Parameters(...), got {p!r}")
+
+
 def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:
     """The number of the parameter `name` in the units of p that `given` stands for.
 

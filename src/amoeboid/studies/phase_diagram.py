@@ -21,6 +21,7 @@ from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.display import html_picture, html_table, plotted
 from amoeboid.model.parameters import Parameters
 from amoeboid.studies.columns import (
+    check_parameters,
     magnitude,
     needed,
     physical_number,
@@ -214,6 +215,7 @@ def phase_diagram(
     paper's table in units of this cell (D and v_p0 alone). `watch` is called with every step.
     Raises InvalidInput for windows that cannot be, and where there is nothing to measure them in.
     """
+    check_parameters(p)
     given = (low, high, *(speeds or (None, None)))
     window, speed_window = windows(p, name, *given)
     checked_counts(columns, rows)

@@ -22,6 +22,7 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
     Column,
+    check_parameters,
     column,
     dataset,
     frame,
@@ -308,6 +309,7 @@ def steady_states(
     >>> [state.stable for state in states]
     [True, False, True]
     """
+    check_parameters(p)
     return shown_states(steady_solutions(p, degrees, watch))
 
 

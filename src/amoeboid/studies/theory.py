@@ -11,7 +11,14 @@ import numpy as np
 from amoeboid.closed_forms.summary import Summary, Weakly, summary
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
-from amoeboid.studies.columns import physical_number, quantity, shortened, text, unit
+from amoeboid.studies.columns import (
+    check_parameters,
+    physical_number,
+    quantity,
+    shortened,
+    text,
+    unit,
+)
 
 
 class Number:
@@ -237,4 +244,5 @@ def theory(p: Parameters) -> Theory:
     >>> f"{cell.threshold:.5f}", cell.bifurcation
     ('3.54844', 'supercritical')
     """
+    check_parameters(p)
     return Theory(p, summary(p))
