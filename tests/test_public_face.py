@@ -43,8 +43,8 @@ def test_the_first_lines_of_a_user(tmp_path):
     assert on_mesh.max_retrograde_speed == pytest.approx(s.max_retrograde_speed, rel=0.02)
 
     br = am.branch(am.Parameters(D=0.4), "v_p0", 0, 8)
-    assert repr(br).splitlines()[0] == ("Branch in v_p0: threshold 6.02566, fold 5.20960, complete")
-    # the branch begins near the threshold: v_p^c = (e^(c0/c_r)/c0)(beta R0 c0/2 + D c0/R0) at c0 = 3
+    assert repr(br).splitlines()[0] == "Branch in v_p0: threshold 6.02566, fold 5.20960, complete"
+    # in units c_r = beta = R0 = 1: v_p^c = (e^c0 / c0) (1/2 + D) at c0 = 3
     assert br.thresholds[0] == pytest.approx(np.exp(3) / 3 * 0.9, rel=1e-6)
     assert len(br.v_p0) == len(br.max_retrograde_speed) == len(br.stable)
     assert br.folds[0].state.max_retrograde_speed == pytest.approx(0.944, abs=0.001)
