@@ -273,7 +273,8 @@ class Parameters(Material):
             number, unit = value, dimension or ""
             if dimension and self.units is not None:
                 number, unit = self.quantity(value, dimension).magnitude, customary_unit(dimension)
-            meaning = meanings.get(name) or "constitutive relation of the cortex"
+            kind = name.partition(".")[0]
+            meaning = meanings.get(name) or MEANINGS[kind]
             rows.append((name, shown(number), unit, meaning))
         return html_table("Parameters", rows, ("name", "value", "unit", "meaning"))
 
@@ -297,6 +298,9 @@ PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")
 
 DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
 """Dimension of each parameter, such as "L^2/T"; law and stress have none."""
+
+MEANINGS = {"law": "polymerization law", "stress": "active isotropic stress"}
+"""What law and stress are, and their own numbers belong to."""
 
 RELATIONS: dict[str, tuple[Any, Mapping[str, Any]]] = {
     "law": (law, NAMED_LAWS),

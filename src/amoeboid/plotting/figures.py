@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -52,6 +53,17 @@ def write_figure(figure: Figure, path: Path, dpi: int) -> None:
         figure.savefig(temporary, dpi=dpi, format=suffix[1:], metadata=METADATA.get(suffix))
 
     write_atomically(path, write)
+
+
+def with_unit(words: str, unit: str) -> str:
+    """The label of an axis: what it shows, and in which unit."""
+    return f"{words} [{as_drawn(unit or '1')}]"
+
+
+def as_drawn(text: str) -> str:
+    """A text with units as pictures show them: um^2 with its micro sign and a raised power."""
+    text = re.sub(r"\bum\b", "\N{MICRO SIGN}m", text)
+    return re.sub(r"\^([0-9]+)", r"$^{\1}$", text)
 
 
 def axes_for(ax: Any = None) -> Any:
