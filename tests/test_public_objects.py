@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 import amoeboid as am
-from amoeboid.conditions import condition
-from amoeboid.surface.model import Model
+from amoeboid.model.stress import CustomStress
+from amoeboid.surface.stability import Growth
 
 MAX_REPR = 1000
 P = am.Parameters(D=0.4, v_p0=6.0)
 CELL = am.Parameters.physical()
+OWN = P.replace(law="v_p0/(1 + (c/c_r)**n)", stress="chi*c", **{"law.n": 3.0, "stress.chi": 0.1})
 SMALL = am.Icosphere(1)
 
 
@@ -23,11 +24,10 @@ def objects(tmp_path_factory):
     sol = am.simulate(P, mesh=SMALL, until=am.time(0.3), changes=changes, cue=am.Cue(strength=0.1))
     stored = sol.save(folder / "run")
     physical = am.simulate(CELL, mesh=SMALL, until=am.time("3 s"))
-    # R0 = 0 times in a row cannot be: a run that cannot go on, its front beyond the law's domain
     states = am.steady_states(P, (1,))
     branch = am.branch(P, "v_p0", 0, 6.5, max_step=0.4)
     config = am.Config(parameters=P, changes=sol.config.changes)
-    found = {
+    return {
         "parameters": P,
         "physical parameters": CELL,
         "units": CELL.units,
@@ -41,11 +41,10 @@ def objects(tmp_path_factory):
         "ramp": am.ramp((0, 0.4), (10, 0.1)),
         "smooth": am.smooth(np.sqrt, until=3),
         "cue": am.Cue(strength=0.2),
-        "laws": (P.law, am.Inverse(), am.Custom("v_p0/(1 + (c/c_r)**n)", {"n": 3.0})),
-        "stress": am.Parameters(stress="contractility", **{"stress.chi": 0.3}).stress
-        if False
-        else P.stress,
-        "surface": am.Surface(*_tetrahedral(sol)),
+        "laws": (P.law, am.Inverse(), OWN.law),
+        "stress": OWN.stress,
+        "parameters of law and stress": OWN,
+        "surface": am.Surface(sol.final.r, sol.final.faces),
         "icosphere": SMALL,
         "solution": sol,
         "physical solution": physical,
@@ -59,12 +58,11 @@ def objects(tmp_path_factory):
         "spectrum": sol.spectrum("shape"),
         "step": sol.last,
         "first step": am.start(am.Config(mesh=am.Mesh(subdivisions=1))),
+        "growth": Growth(-1.0, 0.01),
         "state": sol.last.state,
         "flow": sol.last.flow,
         "model": sol.last.model,
-        "growth": Model(P, sol.final.faces).__class__,
         "events": (am.steady(), am.time(3), am.time("5 min"), am.when("polarity > 0.5 and t > 1")),
-        "condition": condition("c_front < 0.1*c0", P),
         "steady states": states,
         "steady state": states[-1],
         "initial cell": states[-1].as_initial(SMALL),
@@ -80,11 +78,6 @@ def objects(tmp_path_factory):
         "observed": am.observed(sol.final.cell),
         "cell": sol.final.cell,
     }
-    return found
-
-
-def _tetrahedral(sol):
-    return sol.final.r, sol.final.faces
 
 
 def test_every_object_has_a_short_repr(objects):
@@ -92,6 +85,11 @@ def test_every_object_has_a_short_repr(objects):
     assert long == {}
     addresses = {name for name, x in objects.items() if " object at 0x" in repr(x)}
     assert addresses == set()
+
+
+def test_parameters_of_law_and_stress_are_made_again_from_their_repr():
+    names = {"Parameters": am.Parameters, "Custom": am.Custom, "CustomStress": CustomStress}
+    assert eval(repr(OWN), names) == OWN  # noqa: S307
 
 
 def test_every_object_pickles_and_shows_the_same(objects):

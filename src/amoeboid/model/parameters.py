@@ -259,11 +259,11 @@ class Parameters(Material):
 
     def __repr__(self) -> str:
         if self.units is not None:
-            parts = (f"{name}={text!r}" for name, text in self._telling().items())
-            return f"Parameters.physical({', '.join(parts)})"
-        values = self.as_dict()
-        parts = (f"{name}={values[name]!r}" for name in self._telling())
-        return f"Parameters({', '.join(parts)})"
+            return f"Parameters.physical({_keywords(self._telling())})"
+        told = dict.fromkeys(name.partition(".")[0] for name in self._telling())
+        values = {name: getattr(self, name) for name in told}
+        values |= {k: v.name for k, v in values.items() if k in RELATIONS and not v.own}
+        return f"Parameters({_keywords(values)})"
 
     def _repr_html_(self) -> str:
         meanings = {f.name: f.metadata.get("doc", "") for f in fields(self)}
@@ -307,6 +307,13 @@ RELATIONS: dict[str, tuple[Any, Mapping[str, Any]]] = {
     "stress": (stress, NAMED_STRESSES),
 }
 """The constitutive relations of a cell: what makes one of a specification, and the named ones."""
+
+
+def _keywords(values: Mapping[str, Any]) -> str:
+    """Arguments as Python takes them; names with a dot, as law.n, from a dictionary."""
+    plain = [f"{name}={value!r}" for name, value in values.items() if "." not in name]
+    dotted = {name: value for name, value in values.items() if "." in name}
+    return ", ".join([*plain, *([f"**{dotted!r}"] if dotted else [])])
 
 
 def _split(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:

@@ -13,7 +13,7 @@ from amoeboid.surface.state import Flow, State
 from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, UNSTABLE, Rest
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
@@ -37,6 +37,11 @@ class Step:
     ended: str | None = None
     tried: Array | None = None
     adapted: Adaptation | None = None
+
+    def __repr__(self) -> str:
+        words = f"t = {self.state.t:.6g}, dt = {self.dt:.3g}, {len(self.state.r)} nodes"
+        ended = "" if self.ended is None else f", {self.ended}"
+        return f"Step({self.number}, {words}{ended})"
 
     @property
     def steady(self) -> bool:

@@ -16,13 +16,16 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SurfaceCell:
     """Model, state and flow of one time; see `observables.Cell`. Its points are the nodes."""
 
     model: Model
     state: State
     flow: Flow
+
+    def __repr__(self) -> str:
+        return f"SurfaceCell(t = {self.t:.6g}, {len(self.r)} nodes)"
 
     @property
     def parameters(self) -> Parameters:

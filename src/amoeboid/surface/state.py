@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from amoeboid.arrays import Array
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class State:
     """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
 
@@ -24,8 +24,11 @@ class State:
     position: Array
     angular_velocity: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"State(t = {self.t:.6g}, {len(self.r)} nodes, zeta0 = {self.zeta0:.6g})"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Flow:
     """Velocities at the nodes (V, 3), in the frame of the nodes, and the tension.
 
@@ -43,3 +46,6 @@ class Flow:
     def v(self) -> Array:
         """Full velocity v = v_c + v_p."""
         return self.v_c + self.v_p
+
+    def __repr__(self) -> str:
+        return f"Flow({len(self.v_c)} nodes, zeta0 = {self.zeta0:.6g})"
