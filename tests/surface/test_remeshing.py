@@ -22,7 +22,7 @@ from amoeboid.meshes.geometry import (
 from amoeboid.meshes.remeshing import EDGE_CHANGE, TOO_LONG, distortion, swept, transferred
 from amoeboid.meshes.topology import MAX_LENGTH, MIN_LENGTH, collapses, edges, flips, splits
 from amoeboid.model.parameters import Parameters
-from amoeboid.simulation import loop as simulation
+from amoeboid.simulation import step_length
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.simulation.step import Step
 from amoeboid.surface.equilibrium import flow_of
@@ -326,7 +326,7 @@ def test_an_unsuccessful_attempt_is_remembered_until_an_edge_has_changed(monkeyp
         attempts.append(state.r)
         return model, state
 
-    monkeypatch.setattr(simulation, "remeshed", unsuccessful)
+    monkeypatch.setattr(step_length, "remeshed", unsuccessful)
     model, state = needle(2, 4.0)
     flow = flow_of(model, state, 1e-4)
     step = Step(0, model, (state,), flow, 1e-5, 0, 1.0)

@@ -14,7 +14,7 @@ from amoeboid.meshes.geometry import geometry, volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arnoldi import Ritz, ritz_values
 from amoeboid.numerics.recycling import NoConvergence
-from amoeboid.simulation import loop as simulation
+from amoeboid.simulation import step_length
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import rigid, stability, stepping
 from amoeboid.surface.equilibrium import flow_of
@@ -50,7 +50,7 @@ def fastest_axisymmetric(p):
 def still(p, subdivisions):
     """A straight cell as soon as its changes no longer show, stable or not."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulation, "leading_growth_rate", lambda *_: Growth(-1.0, 0.0))
+        patch.setattr(step_length, "leading_growth_rate", lambda *_: Growth(-1.0, 0.0))
         config = Config(
             parameters=p,
             mesh=Mesh(subdivisions=subdivisions),

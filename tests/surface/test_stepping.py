@@ -70,7 +70,11 @@ def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
         observed(SurfaceCell(model, plain, flow)),
         observed(SurfaceCell(model, turned, turned_flow)),
     )
+    headings = [
+        np.array([found.pop(f"cortex_drag_heading_{axis}") for axis in "xyz"]) for found in (a, b)
+    ]
     assert a == pytest.approx(b, rel=1e-6, abs=1e-9)
+    np.testing.assert_allclose(headings[1], turn @ headings[0], atol=1e-6)
 
 
 @settings(max_examples=6)

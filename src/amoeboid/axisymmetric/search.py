@@ -18,6 +18,7 @@ from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled
@@ -86,6 +87,9 @@ def steady_solutions(
     its folds until it rises beyond MAX_EXCURSION times p.v_p0, or ends; states without such a
     connection to the sphere are not found.
     """
+    units = natural_units(p)
+    for dimension in ("L^3", "M/T^2", "N/L^2"):  # of what is computed of every state
+        units.of(dimension)
     found, problems = [homogeneous(p)], []
     without = _without_speed(p)
     if without:

@@ -157,8 +157,10 @@ class Relation(ABC):
                 f"{self._named(k)} must be one number for each c, got "
                 f"{type(found).__name__} of shape {np.shape(found)} for c of shape {np.shape(c)}"
             ) from None
-        if not good.all():
-            where = np.broadcast_to(c, shape)[~good].flat[0]
+        at = np.broadcast_to(c, shape)
+        bad = ~good & np.isfinite(at)  # where c itself is none, the law is not to blame
+        if bad.any():
+            where = at[bad].flat[0]
             raise InvalidInput(f"{self._named(k)} must be finite, it is not at c = {where:.6g}")
         return value
 

@@ -67,6 +67,11 @@ class SurfaceCell:
         """Outward normals at the nodes (V, 3)."""
         return self.flow.normals
 
+    @cached_property
+    def _normals(self) -> Array:
+        """Normals (V, 3) of the shape itself, not of the one that the flow was solved on."""
+        return geometry.geometry(self.r, self.faces).normals
+
     @property
     def v(self) -> Array:
         """Full velocity (V, 3) in the frame of the nodes [L/T]."""
@@ -121,7 +126,7 @@ class SurfaceCell:
         value at the node counts.
         """
         lowest = int(np.argmin(field))
-        found = refined_extremum(self.model.mesh, self.r, self.normals, field, lowest, -1.0)
+        found = refined_extremum(self.model.mesh, self.r, self._normals, field, lowest, -1.0)
         return found if found >= 0.0 or field[lowest] < 0.0 else float(field[lowest])
 
     def max_length(self, field: Array) -> float:
@@ -132,5 +137,7 @@ class SurfaceCell:
         """
         squares = np.einsum("vi,vi->v", field, field)
         mesh, longest = self.model.mesh, largest(squares, SEARCHED)
-        maxima = fitted_maxima(longest, mesh.row_start, mesh.columns, self.r, self.normals, squares)
+        maxima = fitted_maxima(
+            longest, mesh.row_start, mesh.columns, self.r, self._normals, squares
+        )
         return float(np.sqrt(max(0.0, maxima.max())))
