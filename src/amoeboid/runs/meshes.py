@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.closed_forms.linear import base_tension
-from amoeboid.config import Config, Mesh, polarization
+from amoeboid.config import Config, polarization
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import check_size, check_surface, joined
 from amoeboid.meshes.connectivity import narrow_numbering
@@ -21,16 +21,13 @@ from amoeboid.validation import InvalidInput
 class Icosphere:
     """A sphere of 10 * 4**n + 2 nodes: an icosahedron subdivided n times, made even.
 
-    Raises InvalidInput for an n that is not 1 to 6.
+    A run takes n from 1 to 6.
 
     >>> Icosphere(3)
     Icosphere(3)
     """
 
     subdivisions: int = 3
-
-    def __post_init__(self) -> None:
-        Mesh(subdivisions=self.subdivisions)  # the rule of the configuration
 
     @property
     def n_nodes(self) -> int:
