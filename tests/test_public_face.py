@@ -24,8 +24,8 @@ def test_the_first_lines_of_a_user(tmp_path):
 
     stored = sol.save(tmp_path / "fig3d")
     assert repr(stored).endswith("steady at t = 9.223, 45 steps, 162 nodes)")
-    resumed = am.load(tmp_path / "fig3d").resume(until=am.time(20))
-    assert "end of time at t = 20" in repr(resumed)
+    resumed = am.load(tmp_path / "fig3d").resume(until=am.time(10))
+    assert "end of time at t = 10" in repr(resumed)
     assert resumed.final.max_retrograde_speed == pytest.approx(speed[-1], rel=1e-4)
     axes = Figure().add_subplot()
     assert sol.plot(ax=axes) is axes
@@ -59,3 +59,26 @@ def test_the_first_lines_of_a_user(tmp_path):
     found = run.final.max_retrograde_speed.to("um/s")
     exact = am.steady_states(cell, (1,)).fastest_stable.max_retrograde_speed
     assert found.magnitude == pytest.approx(exact.to("um/s").magnitude, rel=0.1)
+
+
+@pytest.mark.parametrize("study", [am.steady_states, am.branch, am.phase_diagram, am.theory])
+def test_a_study_of_what_are_no_parameters_is_refused(study):
+    with pytest.raises(am.InvalidInput, match=r"p must be amoeboid.Parameters\(...\), got 0.4"):
+        study(0.4)
+
+
+def test_an_event_without_its_brackets_is_named():
+    with pytest.raises(am.InvalidInput, match=r"write amoeboid.steady\(...\)"):
+        am.simulate(until=am.steady)
+
+
+def test_plots_take_axes_alone():
+    with pytest.raises(am.InvalidInput, match="ax must be axes of matplotlib"):
+        am.simulate(mesh=am.Icosphere(1), until=am.time(0.01)).plot("c_rear")
+
+
+def test_a_spectrum_of_a_coarse_mesh_has_fewer_degrees():
+    run = am.simulate(mesh=am.Icosphere(1), until=am.time(0.01))
+    assert list(run.spectrum().l) == [0, 1, 2, 3]
+    with pytest.raises(am.InvalidInput, match="l_max must be at most 3"):
+        run.spectrum("c", l_max=4)
