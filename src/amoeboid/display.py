@@ -10,8 +10,6 @@ from html import escape
 from importlib import import_module
 from typing import Any
 
-from amoeboid.validation import InvalidInput
-
 DIGITS = 6
 """Significant digits of a number."""
 
@@ -84,10 +82,8 @@ def text_table(titles: Sequence[str], rows: Sequence[Sequence[str]], align: str 
 def plotted(result: Any, drawing: str, ax: Any = None, **options: Any) -> Any:
     """The axes with `result` drawn on them by `drawing`, "module.function" of `plotting`.
 
-    matplotlib is imported here, and not before. Raises InvalidInput for what are no axes.
+    matplotlib is imported here, and not before.
     """
-    if ax is not None and not hasattr(ax, "plot"):
-        raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
     return _drawing(drawing)(result, ax, **options)
 
 

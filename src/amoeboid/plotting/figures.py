@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.output.atomic import write_atomically
+from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -67,7 +68,12 @@ def as_drawn(text: str) -> str:
 
 
 def axes_for(ax: Any = None) -> Any:
-    """The axes to draw on: those given, or those of a new figure of pyplot."""
+    """The axes to draw on: those given, or those of a new figure of pyplot.
+
+    Raises InvalidInput for what are no axes.
+    """
+    if ax is not None and not hasattr(ax, "plot"):
+        raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
     if ax is not None:
         return ax
     from matplotlib import pyplot
