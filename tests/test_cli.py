@@ -68,6 +68,12 @@ def test_json_is_one_object_and_nothing_else(tmp_path, capsys):
     assert manifest["summary"]["steps"] == result["steps"]
 
 
+def test_a_run_says_first_which_parameters_count(tmp_path, capsys):
+    assert main(["run", *QUICK, "--set", "D=0.3", "-o", str(tmp_path / "run")]) == 0
+    first = capsys.readouterr().out.splitlines()[0]
+    assert first == "D = 0.3, v_p0 = 6, all else as in the paper's table"
+
+
 def test_summary_names_the_numbers_and_the_folder(tmp_path, capsys):
     assert main(["run", *QUICK, "-o", str(tmp_path / "run")]) == 0
     out = capsys.readouterr().out

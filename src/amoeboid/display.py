@@ -17,6 +17,21 @@ DIGITS = 6
 MAX_REPR = 900
 """Characters of the text of a dataclass."""
 
+PLAIN_UNITS = str.maketrans(
+    {
+        "µ": "u",
+        "·": " ",
+        "²": "^2",
+        "³": "^3",
+        "⁴": "^4",
+        "⁵": "^5",
+        "⁶": "^6",
+        "⁷": "^7",
+        "⁸": "^8",
+    }
+)
+"""Units as everyone can type them, and as the tables and the commands have them: um^2/s."""
+
 GAP = "  "
 """Between two columns of a table of text."""
 
@@ -29,6 +44,8 @@ def shown(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value + 0.0:.{DIGITS}g}"
+    if hasattr(value, "units"):
+        return str(value).translate(PLAIN_UNITS)
     return str(value)
 
 

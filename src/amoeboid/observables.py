@@ -98,7 +98,7 @@ class Cell(Protocol):
         """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Observable:
     """A function of a cell, its dimension such as "L/T" ("1": none, None: not stated).
 
@@ -110,6 +110,12 @@ class Observable:
     dimension: str | None = None
     vector: bool = False
     on_meshes: bool = False
+
+    def __repr__(self) -> str:
+        name = getattr(self.function, "__name__", type(self.function).__name__)
+        kinds = {"vector": self.vector, "on meshes": self.on_meshes}
+        marks = "".join(f", {kind}" for kind, holds in kinds.items() if holds)
+        return f"Observable({name} [{self.dimension or '?'}]{marks})"
 
     def __post_init__(self) -> None:
         if not callable(self.function):

@@ -176,7 +176,7 @@ def test_steady_states_of_a_physical_cell_have_units(capsys):
     assert document["states"][0]["c_rear"] == pytest.approx(1370)
     assert document["states"][1]["max_retrograde_speed"] == pytest.approx(0.293923, abs=1e-6)
     _, out, _ = run(capsys, "steady", *SMOOTH)
-    assert "D = 1 µm²/s, v_p0 = 2 µm/s" in out
+    assert "D = 1 um^2/s, v_p0 = 2 um/s" in out
     assert "max_retrograde_speed [um/s]" in out
 
 

@@ -292,7 +292,7 @@ def test_theory_of_a_physical_cell_has_units():
 
 @pytest.mark.parametrize("function", [am.theory, am.steady_states, am.branch, am.phase_diagram])
 def test_what_is_no_cell_is_refused_with_the_remedy(function):
-    with pytest.raises(am.InvalidInput, match="must be given as Parameters, got None"):
+    with pytest.raises(am.InvalidInput, match=r"p must be amoeboid.Parameters\(...\), got None"):
         function(None)
     with pytest.raises(am.InvalidInput, match=r"give its .parameters"):
         function(am.Config())

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn
-from amoeboid.cli.settings import add_settings, field_table, print_json
+from amoeboid.cli.settings import add_settings, field_table, print_json, say_parameters
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, with_settings
 from amoeboid.validation import InvalidInput, is_text
@@ -82,6 +82,8 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
     run, first = _resumed(args) if args.resume is not None else _started(args)
+    if not args.json:
+        say_parameters(run.config.parameters)
     start, end = first.state.t, run.config.time.end
     with _interruptible() as interruption, reported(start, end) as report:
         outcome, summary = advance_in_folder(run, first, [interruption], report, began)

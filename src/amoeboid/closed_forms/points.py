@@ -20,7 +20,7 @@ Arguments = ParamSpec("Arguments")
 Result = TypeVar("Result")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, repr=False)
 class Points(Material):
     """Parameter points as arrays that broadcast against each other; made by `points`.
 
@@ -40,6 +40,11 @@ class Points(Material):
     alpha: Array
     law: Law
     stress: Stress
+
+    def __repr__(self) -> str:
+        parts = (_range(name, np.asarray(value)) for name, value in self._columns().items())
+        relations = f"law = {self.law.name}, stress = {self.stress.name}"
+        return f"Points(shape {self.shape}: {', '.join(parts)}, {relations})"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -70,6 +75,13 @@ class Points(Material):
             for name, value in getattr(self, kind).own.items()
         }
         return {name: getattr(self, name) for name in DIMENSIONS} | own
+
+
+def _range(name: str, values: Array) -> str:
+    if values.size == 0:
+        return f"no {name}"
+    low, high = values.min(), values.max()
+    return f"{name} = {low:.6g}" if low == high else f"{name} = {low:.6g} to {high:.6g}"
 
 
 AnyPoints = Parameters | Points

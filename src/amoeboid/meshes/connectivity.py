@@ -14,7 +14,7 @@ from amoeboid.arrays import Array, Index
 from amoeboid.validation import InvalidInput
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Connectivity:
     """Connectivity of a closed triangulation: V nodes, F triangles, E = 3F/2 edges.
 
@@ -28,6 +28,9 @@ class Connectivity:
     row_start: Index
     columns: Index
     slots: Index
+
+    def __repr__(self) -> str:
+        return f"Connectivity({self.n_nodes} nodes, {len(self.faces)} triangles)"
 
     @property
     def n_nodes(self) -> int:

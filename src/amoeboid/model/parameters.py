@@ -264,11 +264,11 @@ class Parameters(Material):
 
     def __repr__(self) -> str:
         if self.units is not None:
-            parts = (f"{name}={text!r}" for name, text in self._telling().items())
-            return f"Parameters.physical({', '.join(parts)})"
-        values = self.as_dict()
-        parts = (f"{name}={values[name]!r}" for name in self._telling())
-        return f"Parameters({', '.join(parts)})"
+            return f"Parameters.physical({_keywords(self._telling())})"
+        told = dict.fromkeys(name.partition(".")[0] for name in self._telling())
+        values = {name: getattr(self, name) for name in told}
+        values |= {k: v.name for k, v in values.items() if k in RELATIONS and not v.own}
+        return f"Parameters({_keywords(values)})"
 
     def _repr_html_(self) -> str:
         meanings = {f.name: f.metadata.get("doc", "") for f in fields(self)}
@@ -278,7 +278,8 @@ class Parameters(Material):
             number, unit = value, dimension or ""
             if dimension and self.units is not None:
                 number, unit = self.quantity(value, dimension).magnitude, customary_unit(dimension)
-            meaning = meanings.get(name) or "constitutive relation of the cortex"
+            kind = name.partition(".")[0]
+            meaning = meanings.get(name) or MEANINGS[kind]
             rows.append((name, shown(number), unit, meaning))
         return html_table("Parameters", rows, ("name", "value", "unit", "meaning"))
 
@@ -303,11 +304,21 @@ PARAMETER_NAMES = tuple(f.name for f in fields(Parameters) if f.name != "units")
 DIMENSIONS = {f.name: f.metadata["unit"] for f in fields(Parameters) if "kind" in f.metadata}
 """Dimension of each parameter, such as "L^2/T"; law and stress have none."""
 
+MEANINGS = {"law": "polymerization law", "stress": "active isotropic stress"}
+"""What law and stress are, and their own numbers belong to."""
+
 RELATIONS: dict[str, tuple[Any, Mapping[str, Any]]] = {
     "law": (law, NAMED_LAWS),
     "stress": (stress, NAMED_STRESSES),
 }
 """The constitutive relations of a cell: what makes one of a specification, and the named ones."""
+
+
+def _keywords(values: Mapping[str, Any]) -> str:
+    """Arguments as Python takes them; names with a dot, as law.n, from a dictionary."""
+    plain = [f"{name}={value!r}" for name, value in values.items() if "." not in name]
+    dotted = {name: value for name, value in values.items() if "." in name}
+    return ", ".join([*plain, *([f"**{dotted!r}"] if dotted else [])])
 
 
 def _split(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[str, Any]]]:
@@ -370,7 +381,7 @@ def refuse_no_parameters(found: Any) -> None:
     if not isinstance(found, Parameters):
         own = isinstance(getattr(found, "parameters", None), Parameters)
         remedy = "; give its .parameters" if own else ""
-        raise InvalidInput(f"the cell must be given as Parameters, got {found!r:.200}{remedy}")
+        raise InvalidInput(f"p must be amoeboid.Parameters(...), got {found!r:.200}{remedy}")
 
 
 def parameters_from(mapping: Mapping[str, Any]) -> Parameters:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from amoeboid.axisymmetric.phase_diagram import REGIONS
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import (
+    as_drawn,
     axes_for,
     new_figure,
     own_settings,
@@ -251,14 +251,15 @@ def _markers(axes: Any, branch: Branch, observable: str) -> None:
     dimension = p.dimension(branch.name)
     if observable == "max_retrograde_speed":
         for k, origin in enumerate(branch.origins):
-            label = f"threshold {text(p, origin, dimension, '.5g')}"
+            label = as_drawn(f"threshold {text(p, origin, dimension, '.5g')}")
             at = float(magnitude(p, origin, dimension))
             axes.plot(at, 0.0, "o", color=MARK, label=label if k < MAX_LABELED else None)
     for k, fold in enumerate(branch.folds):
-        label = f"fold {text(p, fold.number, dimension)}"
+        label = as_drawn(f"fold {text(p, fold.number, dimension)}")
         _mark(axes, branch, fold, observable, "s", MARK, label if k < MAX_LABELED else None)
     for k, point in enumerate(branch.bifurcations):
-        label = f"{point.kind}, m = {point.m}, {text(p, point.number, dimension, '.5g')}"
+        number = as_drawn(text(p, point.number, dimension, ".5g"))
+        label = f"{point.kind}, m = {point.m}, {number}"
         sign = "^" if point.kind == HOPF else "D"
         _mark(axes, branch, point, observable, sign, EDGE, label if k < MAX_LABELED else None)
 
@@ -306,7 +307,7 @@ def draw_phase_diagram(diagram: PhaseDiagram, ax: Any = None) -> Any:
         drawn = axes.plot(*curve(line), color=UNSTABLE, lw=2, ls="--", label=label)
         handles += drawn if k == 0 else []
     for tip in found.tips:
-        label = f"super/subcritical, {text(p, tip[0], dimension, '.4g')}"
+        label = as_drawn(f"super/subcritical, {text(p, tip[0], dimension, '.4g')}")
         handles += axes.plot(*curve([tip]), "o", color=MARK, label=label)
     present = np.unique(found.regions)
     handles += [
@@ -347,7 +348,4 @@ def _label(p: Parameters, name: str, dimension: str | None) -> str:
 
 def _in(p: Parameters, dimension: str | None) -> str:
     """The unit of a dimension for the label of an axis; that of docs/notation.md without units."""
-    words = unit(p, dimension) or "1"
-    if p.units is not None:
-        words = words.replace("um", "\N{MICRO SIGN}m")
-    return "[" + re.sub(r"\^([0-9]+)", r"$^{\1}$", words) + "]"
+    return f"[{as_drawn(unit(p, dimension) or '1')}]"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.output.atomic import write_atomically
+from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,8 +56,24 @@ def write_figure(figure: Figure, path: Path, dpi: int) -> None:
     write_atomically(path, write)
 
 
+def with_unit(words: str, unit: str) -> str:
+    """The label of an axis: what it shows, and in which unit."""
+    return f"{words} [{as_drawn(unit or '1')}]"
+
+
+def as_drawn(text: str) -> str:
+    """A text with units as pictures show them: um^2 with its micro sign and a raised power."""
+    text = re.sub(r"\bum\b", "\N{MICRO SIGN}m", text)
+    return re.sub(r"\^([0-9]+)", r"$^{\1}$", text)
+
+
 def axes_for(ax: Any = None) -> Any:
-    """The axes to draw on: those given, or those of a new figure of pyplot."""
+    """The axes to draw on: those given, or those of a new figure of pyplot.
+
+    Raises InvalidInput for what are no axes.
+    """
+    if ax is not None and not hasattr(ax, "plot"):
+        raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
     if ax is not None:
         return ax
     from matplotlib import pyplot

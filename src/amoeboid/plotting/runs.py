@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 
 from amoeboid.plotting import COLOR_MAP
-from amoeboid.plotting.figures import axes_for
+from amoeboid.plotting.figures import as_drawn, axes_for, with_unit
 from amoeboid.plotting.trajectory import along_principal_axes
 from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.timeseries import POSITION
-from amoeboid.studies.columns import column, titled, unit
+from amoeboid.studies.columns import column, unit
 
 INK, MUTED, LINE = "#1b1b1b", "#7a7a7a", "#0b6e99"
-MIN_POWER = 1e-16  # of the largest; below it is rounding
+MIN_POWER = 1e-10  # of the largest; below it is rounding of the least squares
 
 
 def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
@@ -28,8 +28,8 @@ def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> 
         axes.plot(columns["t"].values, columns[name].values, lw=1.8, label=name)
     if len(names) > 1:
         axes.legend(frameon=False)
-    axes.set_xlabel(titled("t", columns["t"].unit))
-    axes.set_ylabel(titled(observable, columns[names[0]].unit))
+    axes.set_xlabel(with_unit("t", columns["t"].unit))
+    axes.set_ylabel(with_unit(observable, columns[names[0]].unit))
     axes.grid(alpha=0.25)
     return axes
 
@@ -42,10 +42,10 @@ def draw_trajectory(run: Run, ax: Any = None) -> Any:
     axes.plot(way[:, 0], way[:, 1], color=MUTED, lw=0.8)
     image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap=COLOR_MAP, zorder=3)
     axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)
-    axes.figure.colorbar(image, ax=axes, label=titled("t", t.unit))
+    axes.figure.colorbar(image, ax=axes, label=with_unit("t", t.unit))
     axes.set_aspect("equal", adjustable="datalim")
-    axes.set_xlabel(titled("first principal axis", length))
-    axes.set_ylabel(titled("second principal axis", length))
+    axes.set_xlabel(with_unit("first principal axis", length))
+    axes.set_ylabel(with_unit("second principal axis", length))
     return axes
 
 
@@ -66,11 +66,11 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
     c = column(p, cell.c[cell.faces].mean(axis=1)[seen], "N/L^2")
     shape = PolyCollection(list(flat), array=c.values, cmap=COLOR_MAP, edgecolors="face", lw=0.2)
     axes.add_collection(shape)
-    axes.figure.colorbar(shape, ax=axes, label=titled("c", c.unit))
+    axes.figure.colorbar(shape, ax=axes, label=with_unit("c", c.unit))
     low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
     R0 = p.R0 * length
     axes.plot([low[0], low[0] + R0], [low[1] - 0.15 * R0] * 2, color=INK, lw=2)
-    text = f"R0 = {R0:.4g} {unit(p, 'L')}" if p.units is not None else "R0"
+    text = as_drawn(f"R0 = {R0:.4g} {unit(p, 'L')}") if p.units is not None else "R0"
     axes.text(low[0], low[1] - 0.2 * R0, text, va="top", fontsize=8, color=INK)
     axes.set_xlim(low[0] - 0.1 * R0, high[0] + 0.1 * R0)
     axes.set_ylim(low[1] - 0.45 * R0, high[1] + 0.1 * R0)
@@ -94,13 +94,13 @@ def draw_kymograph(found: Kymograph, ax: Any = None) -> Any:
     degrees = np.degrees(found.theta)
     if len(t.values) > 1:
         image = axes.pcolormesh(t.values, degrees, c.values.T, cmap=COLOR_MAP, shading="nearest")
-        axes.figure.colorbar(image, ax=axes, label=titled("c", c.unit))
-        axes.set_xlabel(titled("t", t.unit))
+        axes.figure.colorbar(image, ax=axes, label=with_unit("c", c.unit))
+        axes.set_xlabel(with_unit("t", t.unit))
         axes.set_ylabel("angle from the rear [degrees]")
     else:
         axes.plot(degrees, c.values[0], color=LINE)
         axes.set_xlabel("angle from the rear [degrees]")
-        axes.set_ylabel(titled("c", c.unit))
+        axes.set_ylabel(with_unit("c", c.unit))
     return axes
 
 
@@ -112,8 +112,8 @@ def draw_spectrum(found: Spectrum, ax: Any = None) -> Any:
     for l in found.l[1:]:  # noqa: E741
         axes.plot(t.values, np.maximum(power.values[:, l], floor), "o-", ms=3, label=f"l = {l}")
     axes.set_yscale("log")
-    axes.set_xlabel(titled("t", t.unit))
-    axes.set_ylabel(titled(f"power of {found.field}", power.unit))
+    axes.set_xlabel(with_unit("t", t.unit))
+    axes.set_ylabel(with_unit(f"power of {found.field}", power.unit))
     axes.legend(frameon=False, fontsize=8)
     axes.grid(alpha=0.25)
     return axes

@@ -20,6 +20,7 @@ from amoeboid.validation import InvalidInput
 
 MIN_POLARITY = 1e-6  # below it a cell has no axis of its own
 AROUND = 24  # directions on each circle around the axis
+L_MAX = 4  # degrees of a spectrum, unless another number is given
 NODES_PER_HARMONIC = 2.0  # nodes that a coefficient of a spectrum needs
 
 
@@ -178,10 +179,13 @@ POWER = {"c": "N^2/L^4", "shape": "1"}
 """Dimensions of the power of the fields that have a spectrum."""
 
 
-def spectrum(frames: Iterable[Snapshot], p: Parameters, field: str, l_max: int) -> Spectrum:
+def spectrum(frames: Iterable[Snapshot], p: Parameters, field: str, l_max: int | None) -> Spectrum:
     """The spectra of the frames of a run. Raises InvalidInput for what has none."""
     if field not in POWER:
         raise InvalidInput(f"a spectrum must be of {' or '.join(POWER)}, got {field!r}")
+    frames = list(frames)
+    if l_max is None:
+        l_max = min(L_MAX, *(largest_degree(frame.cell) for frame in frames))
     if isinstance(l_max, bool) or not isinstance(l_max, int) or l_max < 1:
         raise InvalidInput(f"l_max must be a whole number >= 1, got {l_max!r}")
     times, values = [], []
@@ -191,13 +195,17 @@ def spectrum(frames: Iterable[Snapshot], p: Parameters, field: str, l_max: int) 
     return Spectrum(p, field, np.array(times), np.array(values))
 
 
+def largest_degree(cell: SurfaceCell) -> int:
+    """The largest degree l_max whose (l_max + 1)^2 coefficients the nodes of a mesh determine."""
+    return int(np.sqrt(len(cell.c) / NODES_PER_HARMONIC)) - 1
+
+
 def power_by_degree(cell: SurfaceCell, field: str, l_max: int) -> Array:
     """Mean square (l_max + 1,) over all directions of each degree of c, or of |x|/R0."""
-    count = (l_max + 1) ** 2
-    if NODES_PER_HARMONIC * count > len(cell.c):
-        most = int(np.sqrt(len(cell.c) / NODES_PER_HARMONIC)) - 1
+    largest = largest_degree(cell)
+    if l_max > largest:
         raise InvalidInput(
-            f"l_max must be at most {most} on a mesh of {len(cell.c)} nodes, got {l_max}"
+            f"l_max must be at most {largest} on a mesh of {len(cell.c)} nodes, got {l_max}"
         )
     distance = np.linalg.norm(cell.x, axis=1)
     values = cell.c if field == "c" else distance / cell.parameters.R0

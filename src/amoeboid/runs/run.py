@@ -131,8 +131,11 @@ class Run:
         """c along the polarity axis of each frame: over time and the angle from the rear."""
         return kymograph(self._some_frames(), self.final, angles)
 
-    def spectrum(self, field: str = "c", l_max: int = 4) -> Spectrum:
-        """Power by degree of spherical harmonics of "c" or "shape", for each frame."""
+    def spectrum(self, field: str = "c", l_max: int | None = None) -> Spectrum:
+        """Power by degree of spherical harmonics of "c" or "shape", for each frame.
+
+        Degrees are up to l_max, by default 4, or fewer on a mesh of few nodes.
+        """
         return spectrum(self._some_frames(), self.parameters, field, l_max)
 
     def _some_frames(self) -> Sequence[Snapshot]:

@@ -94,6 +94,10 @@ def named(event: Any) -> str:
     return str(getattr(event, "name", None) or getattr(event, "__name__", type(event).__name__))
 
 
+MAKERS = (steady, time, when)
+"""The functions that make events; a run that is given one of them misses its brackets."""
+
+
 def events_of(time: Time) -> list[Event]:
     """The events that a resolved section [time] declares, first those that are told first."""
     found: list[Event] = [Steady()] if time.stop_when_steady else []
@@ -154,6 +158,11 @@ def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, 
         return time, ()
     events = list(until) if isinstance(until, list | tuple) else [until]
     for event in events:
+        if any(event is make for make in MAKERS):
+            raise InvalidInput(
+                f"until must be an event, and {event.__name__} is the function that makes one: "
+                f"write amoeboid.{event.__name__}(...)"
+            )
         if not callable(event):
             raise InvalidInput(
                 "until must be an event or a list of events, such as amoeboid.steady(), "

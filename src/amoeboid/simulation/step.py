@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
-from amoeboid.display import shown
 from amoeboid.simulation.changes import awaited
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.initial import Adaptation
@@ -14,7 +13,7 @@ from amoeboid.surface.state import Flow, State
 from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, UNSTABLE, Rest
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
@@ -40,9 +39,9 @@ class Step:
     adapted: Adaptation | None = None
 
     def __repr__(self) -> str:
-        nodes = f"{len(self.state.r)} nodes"
+        words = f"t = {self.state.t:.6g}, dt = {self.dt:.3g}, {len(self.state.r)} nodes"
         ended = "" if self.ended is None else f", {self.ended[:200]}"
-        return f"Step({self.number} at t = {shown(self.state.t)}, {nodes}{ended})"
+        return f"Step({self.number}, {words}{ended})"
 
     @property
     def steady(self) -> bool:

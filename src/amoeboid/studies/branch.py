@@ -34,7 +34,7 @@ from amoeboid.studies.columns import (
     value_of,
     with_units,
 )
-from amoeboid.studies.states import SteadyState, states_columns
+from amoeboid.studies.states import SHOWN, SteadyState, states_columns
 from amoeboid.validation import InvalidInput
 
 FOLD, HOPF, BIFURCATION = "fold", "Hopf bifurcation", "bifurcation"
@@ -227,7 +227,8 @@ class Branch:
 
     def _repr_html_(self) -> str:
         notes = shortened(self.problems, 20, "problems", 500)
-        return html(self._heading, self.columns, notes) + html_picture(self, "branches.draw_branch")
+        columns = {name: self.columns[name] for name in (self.name, *SHOWN, "stable")}
+        return html(self._heading, columns, notes) + html_picture(self, "branches.draw_branch")
 
 
 def _listed(texts: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ from amoeboid.axisymmetric.search import SteadySolutions, steady_solutions
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.config import Mesh
-from amoeboid.display import html_picture, plotted, text_table
+from amoeboid.display import html_picture, html_table, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
@@ -160,7 +160,10 @@ class SteadyState:
     def _repr_html_(self) -> str:
         columns = states_columns(self.parameters, [self])
         heading = f"{'Stable' if self.stable else 'Unstable'} steady state"
-        return html(heading, columns) + html_picture(self, "branches.draw_state")
+        rows = [(name, c.texts[0], c.unit) for name, c in columns.items()]
+        return html_table(heading, rows, ("name", "value", "unit")) + html_picture(
+            self, "branches.draw_state"
+        )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -233,9 +236,8 @@ class SteadyStates(Sequence[SteadyState]):
 
     def _repr_html_(self) -> str:
         notes = shortened(self.problems, 20, "problems", 500)
-        return html(self._heading, self.columns, notes) + html_picture(
-            self, "branches.draw_outlines"
-        )
+        columns = {name: self.columns[name] for name in (*SHOWN, "stable")}
+        return html(self._heading, columns, notes) + html_picture(self, "branches.draw_outlines")
 
 
 def states_table(

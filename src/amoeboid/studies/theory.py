@@ -213,9 +213,15 @@ class Theory:
         rows = []
         for name, number in self.numbers():
             if isinstance(self._listed(name), dict):
-                values = self.plain(name)
-                shown = "; ".join(f"l = {l}: {_short(v)}" for l, v in values.items())
-                rows.append((name, f"{shown} {self.unit(name)}".strip(), number.title))
+                ending = self.unit(name) if self.parameters.units is not None else ""
+                rows += [
+                    (
+                        f"{name}[{l}]",
+                        f"{_short(value)} {ending}".rstrip(),
+                        f"{number.title}, l = {l}",
+                    )
+                    for l, value in self.plain(name).items()
+                ]
             elif self._listed(name) is not None:
                 rows.append((name, self._text(name), number.title))
         heading = f"Theory; {self.parameters.description}"

@@ -17,7 +17,7 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class SurfaceCell:
     """Model, state and flow of one time; see `observables.Cell`. Its points are the nodes."""
 

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
-from amoeboid.display import short_repr
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
 from amoeboid.model.constitutive import Differences, NoDerivatives
@@ -56,7 +55,7 @@ class Solvers:
         return np.flatnonzero(self.mesh.rows == self.mesh.columns)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Model:
     """Parameters on a connectivity; contains no solution.
 
@@ -66,15 +65,13 @@ class Model:
     Made by `driven` and `at`.
     """
 
-    __repr__ = short_repr
-
     parameters: Parameters
     mesh: Connectivity
     edge_length: float = 0.0
     inputs: Inputs | None = None
     t: float = 0.0
     cue: Any = None
-    solvers: Solvers = field(default=None, repr=False)  # type: ignore[assignment]
+    solvers: Solvers = field(default=None)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         if self.edge_length == 0.0:
@@ -86,6 +83,9 @@ class Model:
     def __getstate__(self) -> dict[str, Any]:
         """What a pickle holds: no solvers, which are made again where they are needed."""
         return {f.name: getattr(self, f.name) for f in fields(self)}
+
+    def __repr__(self) -> str:
+        return f"Model({self.parameters!r}, {self.mesh.n_nodes} nodes)"
 
     def driven(self, inputs: Inputs | None) -> Model:
         """The model under these inputs, at t = 0."""

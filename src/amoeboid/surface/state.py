@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from amoeboid.arrays import Array
-from amoeboid.display import short_repr
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class State:
     """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
 
@@ -18,8 +17,6 @@ class State:
     axes; None if no step on this mesh has led to this state.
     """
 
-    __repr__ = short_repr
-
     t: float
     r: Array
     c: Array
@@ -27,16 +24,17 @@ class State:
     position: Array
     angular_velocity: Array | None = None
 
+    def __repr__(self) -> str:
+        return f"State(t = {self.t:.6g}, {len(self.r)} nodes, zeta0 = {self.zeta0:.6g})"
 
-@dataclass(frozen=True, eq=False)
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Flow:
     """Velocities at the nodes (V, 3), in the frame of the nodes, and the tension.
 
     v_c is the cortex velocity, v_p the polymerization velocity; v = v_c + v_p moves the shape.
     `normals` (V, 3) point outward, `node_areas` (V,) are the areas of the nodes.
     """
-
-    __repr__ = short_repr
 
     v_c: Array
     v_p: Array
@@ -48,3 +46,6 @@ class Flow:
     def v(self) -> Array:
         """Full velocity v = v_c + v_p."""
         return self.v_c + self.v_p
+
+    def __repr__(self) -> str:
+        return f"Flow({len(self.v_c)} nodes, zeta0 = {self.zeta0:.6g})"
