@@ -152,7 +152,7 @@ def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
     assert f"--resume keeps {says}; only time.* and output.* may change" in err
 
 
-@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
+@pytest.mark.parametrize("encoding", ["ascii", pytest.param("utf-8", marks=pytest.mark.slow)])
 def test_a_terminal_may_lack_letters_of_the_folder(encoding, tmp_path):
     run = [*COMMAND, "run", *QUICK, "--set", "time.end=0.01", "-o", "Zellkörper"]
     environment = os.environ | {"PYTHONIOENCODING": encoding}

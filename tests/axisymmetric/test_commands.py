@@ -144,7 +144,7 @@ def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
         (("phase-diagram", "--vary", "v_p0"), "--vary must be one of"),
         (("phase-diagram", "--from", "1", "--to", "0.5"), "--from must be < --to"),
         (("phase-diagram", "--speed-from", "9"), "--speed-from must be < --speed-to"),
-        (("phase-diagram", "--columns", "1"), "--columns must be >= 2"),
+        (("phase-diagram", "--columns", "1"), "--columns must be a whole number >= 2"),
         (("phase-diagram", "--to", "inf"), "finite number"),
     ],
 )

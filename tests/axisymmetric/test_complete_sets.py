@@ -155,6 +155,7 @@ def effective(v):
     return v / (1 + v**2 / 57.76)
 
 
+@pytest.mark.slow
 def test_a_law_with_two_thresholds_has_one_branch_between_them():
     """v_p0 enters as v/(1 + (v/7.6)^2), which has its maximum, 3.8, at v = 7.6."""
     p = Parameters(law=TURNING, v_p0=9.0)

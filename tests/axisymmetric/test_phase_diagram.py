@@ -72,6 +72,7 @@ def test_the_fold_line_ends_at_the_tip(diagram):
     assert nearest < 0.02
 
 
+@pytest.mark.slow
 def test_the_tip_tends_to_the_boundary_of_the_theory_at_high_pressure():
     """nu = 0 at delta_P -> infinity, exponential law: D = 1/22 for c0 = 3, eta_s = eta_b."""
     c0, eta = 3.0, 1.0
@@ -109,6 +110,7 @@ def test_criticality_near_its_pole_is_a_simple_pole():
     assert criticality(Parameters(delta_P=pole * (1 + 1e-5))) is None
 
 
+@pytest.mark.slow
 def test_a_pole_of_the_criticality_is_no_tip_and_stops_nothing():
     p = Parameters()
     assert 0.5 < float(critical_pressure(p)) < 1.6

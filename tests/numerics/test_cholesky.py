@@ -235,6 +235,7 @@ print(sum(sum(s.cache_hits.values()) for s in stats), repr(x.tobytes()))
 """
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_once_for_all_programs(tmp_path):
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     hits, numbers = [], []

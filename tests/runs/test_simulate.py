@@ -237,7 +237,6 @@ def test_extreme_objects_have_short_texts(solution):
         assert len(repr(found)) < 1000
         assert repr(found).startswith(type(found).__name__)
     assert repr(Time(end=2.0)).startswith("Time(end=2.0, scheme='semi-implicit', tolerance=0.001,")
-    assert "r=array of shape (42, 3)" in repr(step.state)
 
 
 @pytest.mark.parametrize("count", [0, -1, 7, 99, 1.5, True, "3"])

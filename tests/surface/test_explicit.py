@@ -134,6 +134,7 @@ def transient_difference(subdivisions, dt):
     return np.abs(here.c - there.c).max() / np.abs(there.c - begin.c).max(), len(begin.c)
 
 
+@pytest.mark.slow
 def test_transient_approaches_that_of_the_semi_implicit_scheme():
     """Two space discretizations and two time discretizations of one model, on two meshes."""
     (coarse, n), (fine, m) = transient_difference(2, 2e-3), transient_difference(3, 8e-4)

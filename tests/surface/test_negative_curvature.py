@@ -119,8 +119,8 @@ def settled(shape, delta_P, end=0.05):
 @pytest.mark.parametrize(
     ("name", "delta_P"),
     [
-        ("dumbbell", 11.0),
         ("three lobes", 3.0),
+        pytest.param("dumbbell", 11.0, marks=pytest.mark.slow),
         pytest.param("dumbbell", 3.0, marks=pytest.mark.slow),
         pytest.param("three lobes", 11.0, marks=pytest.mark.slow),
     ],
