@@ -50,20 +50,17 @@ def shown(value: Any) -> str:
 
 
 def short_repr(result: Any) -> str:
-    """The `repr` of a dataclass in at most MAX_REPR characters; arrays show their shape.
+    """The `repr` of a dataclass in at most MAX_REPR characters.
 
     What is left out is marked by dots.
     """
-    parts = []
-    for f in fields(result):
-        if f.repr:
-            value = getattr(result, f.name)
-            shape = getattr(value, "shape", ())
-            parts.append((f.name, f"array of shape {shape}" if shape else repr(value)))
+    parts = [(f.name, repr(getattr(result, f.name))) for f in fields(result) if f.repr]
     width = MAX_REPR
     while True:
-        texts = [f"{name}={text if len(text) <= width else text[:width] + ' ...'}"
-                 for name, text in parts]  # fmt: skip
+        texts = [
+            f"{name}={text if len(text) <= width else f'{text[:width]} ...'}"
+            for name, text in parts
+        ]
         whole = f"{type(result).__name__}({', '.join(texts)})"
         if len(whole) <= MAX_REPR or width < 10:
             return whole
