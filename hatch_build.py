@@ -29,11 +29,12 @@ class KernelHook(BuildHookInterface):
             return
         source, target = Path(self.root) / "src", Path(mkdtemp()) / "built_kernels"
         paths = [str(source), *filter(None, [os.environ.get("PYTHONPATH")])]
+        environment = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
         self.app.display_waiting("Compiling the numerical kernels")
         try:
-            subprocess.run(
+            subprocess.run(  # noqa: S603  (our own program)
                 [sys.executable, "-m", "amoeboid.runs.every_kernel", str(target)],
-                env=os.environ | {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"},
+                env=os.environ | environment,
                 check=True, capture_output=True, text=True, timeout=MAX_COMPILATION,
             )  # fmt: skip
         except (OSError, subprocess.SubprocessError) as error:

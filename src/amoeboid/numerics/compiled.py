@@ -1,4 +1,4 @@
-"""Compilation of numerical kernels, which are then kept; see `kept` for where and under which names."""
+"""Compilation of numerical kernels, which are then kept; `kept` says where."""
 
 from __future__ import annotations
 
@@ -82,10 +82,11 @@ class _Kept:
         """
         name = self._name(signature, target)
         found = _loaded(name, target)
-        for _ in kept.turn.waits():
-            found = found or _loaded(name, target)
-            if found is not None:
-                break
+        if found is None:
+            for _ in kept.turn.waits():
+                found = _loaded(name, target)
+                if found is not None:
+                    break
         return found
 
     def save_overload(self, signature: Any, kernel: Any) -> None:
@@ -101,12 +102,8 @@ class _Kept:
     def _name(self, signature: Any, target: Any) -> str:
         if self._identity is None:
             self._identity = identity(self._kernel, sorted(self._options))
-        return kept.name_of(
-            f"{self._kernel.__module__}.{self._kernel.__qualname__}",
-            self._identity,
-            signature,
-            target,
-        )
+        own_name = f"{self._kernel.__module__}.{self._kernel.__qualname__}"
+        return kept.name_of(own_name, self._identity, signature, target)
 
     enable = disable = flush = lambda self: None
 

@@ -107,7 +107,7 @@ def load(where: Path, name: str, target: Any) -> Any:
     """
     try:
         data = (where / name).read_bytes()
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         return None
     if hashlib.sha256(data[_HASH:]).digest() != data[:_HASH]:
         raise ValueError("a file is damaged")
@@ -168,7 +168,10 @@ class _Turn:
                 self._line.erase()
 
     def waits(self) -> Iterator[None]:
-        """Pauses until it is this program's turn, and one more: look for the kernel in each."""
+        """Pauses until it is this program's turn, and one more: look for the kernel in each.
+
+        Who goes on after the last compiles it.
+        """
         if self._file is None and fcntl is not None:
             with suppress(OSError):  # no folder, or one that knows no locks
                 folder().mkdir(parents=True, exist_ok=True)
@@ -178,9 +181,9 @@ class _Turn:
             self._show("waiting for another program that compiles the numerical kernels")
             yield
             time.sleep(POLL)
+        yield
         self._count += 1
         self._show("compiling the numerical kernels, once on this machine", str(self._count))
-        yield
 
     def _locked(self) -> bool:
         if self._file is None:
