@@ -176,10 +176,12 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
+    if name == "figures":
+        return import_module("amoeboid.figures")
     if name not in _HOMES:
         raise AttributeError(f"module 'amoeboid' has no attribute {name!r}")
     return getattr(import_module(f"amoeboid.{_HOMES[name]}"), name)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted([*__all__, "figures"])

@@ -15,11 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
-from amoeboid.plotting import COLOR_MAP
+from amoeboid.plotting.palette import COLOR_MAP, INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
 
-INK, FRONT = "#1b1b1b", "#c2410c"
 ARROWS = 170
 WINDOW = (1500, 1100)
 ARROW = 0.34  # length of the arrow of the fastest flow in units of R0
@@ -97,8 +96,10 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
         front = pv.Arrow(
             start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
         )
-        plotter.add_mesh(front, color=FRONT)
-        _label(plotter, start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear), "front", FRONT)
+        plotter.add_mesh(front, color=ORANGE)
+        _label(
+            plotter, start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear), "front", ORANGE
+        )
     size = max(R0, float(np.linalg.norm(x, axis=1).max()))
     _add_scale(plotter, rear, side, size, R0, fastest if moving else None)
     time = f"t = {float(scene['t']):.4g} [T]"
