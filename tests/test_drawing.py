@@ -14,8 +14,9 @@ from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
 from amoeboid.meshes.connectivity import icosphere
 from amoeboid.model.parameters import Parameters
-from amoeboid.plotting import COLOR_MAP, canvas, cell, cell_process
+from amoeboid.plotting import canvas, cell, cell_process
 from amoeboid.plotting.branches import write_states
+from amoeboid.plotting.palette import COLOR_MAP
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import start
 from amoeboid.studies.states import steady_states

@@ -16,7 +16,7 @@ from amoeboid.arrays import Array, Index
 SMOOTHING = 2  # pixels drawn for one of the picture, in both directions
 FACET = 16.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
 MAX_CUTS = 64
-# The anchors of YlGnBu by C. Brewer, as in `plotting.COLOR_MAP`; between them it is linear.
+# The anchors of YlGnBu by C. Brewer, as in `palette.COLOR_MAP`; between them it is linear.
 ANCHORS = (
     "#ffffd9", "#edf8b1", "#c7e9b4", "#7fcdbb", "#41b6c4", "#1d91c0", "#225ea8", "#253494",
     "#081d58",

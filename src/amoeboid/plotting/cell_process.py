@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.palette import INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
 
-INK, FRONT = "#1b1b1b", "#c2410c"
 ARROWS = 170
 WINDOW = (1500, 1100)
 ARROW = 0.34  # length of the arrow of the fastest flow in units of R0
@@ -53,8 +53,8 @@ def draw(path: str, scene: Scene) -> None:
         for k in _spread_out(r, ARROWS):
             canvas.arrow(r[k] + 0.02 * R0 * scene["normals"][k], longest * scene["flow"][k], INK)
         start = (np.min(r @ rear) - 0.12 * R0) * rear
-        canvas.arrow(start, -0.55 * R0 * rear, FRONT, head=0.32, width=0.035)
-        _label(canvas, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", FRONT)
+        canvas.arrow(start, -0.55 * R0 * rear, ORANGE, head=0.32, width=0.035)
+        _label(canvas, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", ORANGE)
     _add_scale(canvas, axes, size, R0, float(scene["fastest"]) if moving else None)
     canvas.text(canvas.share(0.03, 0.06), f"t = {float(scene['t']):.4g} [T]", INK, FONT_SIZE, "lm")
     _add_colors(canvas, low, high)
