@@ -136,6 +136,7 @@ SYMBOLS = {
     "eta_s": "$η_s$",
     "c_r": "$c_r$",
     "um": "\N{MICRO SIGN}m",
+    "umol": "\N{MICRO SIGN}mol",
 }
 
 
