@@ -110,7 +110,8 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> Non
     known = list(known)
     for name in names:
         if name not in known:
-            close = get_close_matches(name, known, n=1)
+            same = [one for one in known if one.casefold() == name.casefold()]
+            close = same or get_close_matches(name, known, n=1)
             hint = f"; did you mean {close[0]}?" if close else ""
             raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
 

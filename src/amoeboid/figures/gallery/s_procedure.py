@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.config import Config, Time
+from amoeboid.config import Config, Mesh, Time
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of
@@ -40,6 +40,7 @@ OPENED = (
 LAYERS = ("amoeboid.surface.", "amoeboid.meshes.", "amoeboid.numerics.")
 METHODS = ("Model.v_p",)
 """Methods that are stages; all others that a step calls are no work of their own."""
+SUBDIVISIONS = 3  # the paper's 642 nodes
 SKIPPED, WATCHED = 4, 12  # steps; the first have no past to start from
 
 
@@ -138,9 +139,16 @@ def iterated(stage: Stage) -> bool:
     return any(isinstance(s, ast.While | ast.For) for s in _around(stage))
 
 
-def measured(p: Parameters, scheme: str) -> dict[str, Any]:
-    """Stages of real steps of a scheme on the mesh of the paper, with their times [s]."""
-    config = Config(parameters=p, time=Time(scheme=scheme, stop_when_steady=False))
+def measured(p: Parameters, scheme: str, subdivisions: int) -> dict[str, Any]:
+    """Stages of real steps of a scheme on an icosphere, with their shares of a step.
+
+    `step`: the time of a step [s], `dt`: its length [T]; medians, as the shares.
+    """
+    config = Config(
+        parameters=p,
+        mesh=Mesh(subdivisions=subdivisions),
+        time=Time(scheme=scheme, stop_when_steady=False),
+    )
     steps = evolve(start(config), config.time)
     for _ in islice(steps, SKIPPED):
         pass
@@ -157,7 +165,7 @@ def measured(p: Parameters, scheme: str) -> dict[str, Any]:
                 "gives": ", ".join(gives(stage)),
                 "iterated": iterated(stage),
                 "calls": stage.calls / WATCHED,
-                "seconds": float(np.median(stage.seconds)),
+                "share": float(np.median(np.divide(stage.seconds, watch.steps))),
             }
             for stage in watch.stages.values()
         ],
@@ -167,17 +175,16 @@ def measured(p: Parameters, scheme: str) -> dict[str, Any]:
 def compute(p: Parameters, results: Results) -> FigureData:
     """The stages of both schemes, and the time that each takes."""
     found = {
-        scheme: results.of(measured, p, scheme, task=f"steps of the {scheme} scheme")
+        scheme: results.of(measured, p, scheme, SUBDIVISIONS, task=f"steps of the {scheme} scheme")
         for scheme in SCHEMES
     }
     rows = [
-        {"scheme": scheme, "number": number, **stage, "share": stage["seconds"] / part["step"]}
+        {"scheme": scheme, "number": number, **stage, "time": stage["share"] * part["step"]}
         for scheme, part in found.items()
         for number, stage in enumerate(part["stages"], 1)
     ]
     columns = {name: column_of(p, [row[name] for row in rows]) for name in rows[0]}
-    milliseconds = 1e3 * columns.pop("seconds").values
-    columns["time"] = Column(milliseconds, "ms")
+    columns["time"] = Column(1e3 * columns["time"].values, "ms")
     return FigureData(
         parameters=p,
         tables={"stages": Table("stages of a time step, in the order of their calls", columns)},
