@@ -163,6 +163,16 @@ def test_verdicts_are_those_that_the_page_explains():
             assert "](" in row["verdict"] or row.get("made by"), row
 
 
+def test_the_page_begins_with_the_equations_that_it_corrects():
+    (told,) = re.findall(r"equations ([(), 0-9]+) of the SI", PAGE)
+    corrected = [
+        i["where"].partition(" ")[0]
+        for i in ITEMS
+        if i["kind"] == "equation" and ROW_AT[place(i)]["verdict"].startswith("corrected")
+    ]
+    assert told.split(", ") == corrected
+
+
 def test_links_lead_to_headings():
     for name, anchor in re.findall(r"\]\(([\w-]+\.md)(?:#([\w-]+))?\)", PAGE):
         text = (DOCS / name).read_text(encoding="utf-8")
