@@ -85,6 +85,10 @@ def fig3D_speed():
     return am.steady_states(p3d).fastest_stable.max_retrograde_speed
 
 
+def fig3D_speed_3D():
+    return am.simulate(p3d, mesh=am.Icosphere(3), progress=False).final.max_retrograde_speed
+
+
 def fig3D_rear():
     return am.steady_states(p3d).fastest_stable.c_rear
 

@@ -22,8 +22,8 @@ ITEMS = tomllib.loads((Path(__file__).parent / "items.toml").read_text(encoding=
 NUMBERS = {item["id"]: item for item in ITEMS if item["kind"] == "number"}
 ANSWERED = [name for name in NUMBERS if hasattr(ours, name)]
 SLOW = {  # each solves for steady states or a branch, for seconds
-    "fig3A_agreement", "fig3B_fold", "fig3B_branches", "fig3D_speed", "fig3D_rear",
-    "fig3D_deformation", "flow_speed_exact",
+    "fig3A_agreement", "fig3B_fold", "fig3B_branches", "fig3D_speed", "fig3D_speed_3D",
+    "fig3D_rear", "fig3D_deformation", "flow_speed_exact",
 }  # fmt: skip
 VERDICTS = (
     "agrees", "as eta_s", "c_r = mu h", "corrected: ", "definition", "differs: ", "input",
