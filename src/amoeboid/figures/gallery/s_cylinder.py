@@ -28,7 +28,7 @@ THICKNESS = "190 nm"
 OTHERS = (0.0, 20.0)  # lambda/mu besides that of the cell
 THICKEST = 0.3  # h/R0
 PROFILE = 0.3  # h/R0 of the profiles
-COLORS = (GREEN, BLUE, PURPLE)
+COLORS = (GREEN, PURPLE)  # of the others; the cell is blue
 CYLINDER, SPHERE = "cylinder", "sphere"
 SHAPES: dict[str, tuple[Callable[..., Any], ...]] = {
     CYLINDER: (cylinder_surface_stresses, thin_cylinder_stresses, cylinder_velocity),
@@ -146,7 +146,7 @@ def draw(data: FigureData, axes: Any) -> None:
     ratios = sorted(set(stress["lambda_over_mu"].tolist()))
     for shape, style in ((CYLINDER, "-"), (SPHERE, "--")):
         for ratio in ratios:
-            color = COLORS[ratios.index(ratio)]
+            color = _color(ratio)
             rows = (stress["shape"] == shape) & (stress["lambda_over_mu"] == ratio)
             t = stress["h_over_R0"][rows]
             above.plot(t, stress["stress_ratio"][rows], style, color=color)
@@ -166,14 +166,15 @@ def draw(data: FigureData, axes: Any) -> None:
     _legends(above, below, ratios, bool(len(cell)))
 
 
+def _color(ratio: float) -> str:
+    return COLORS[OTHERS.index(ratio)] if ratio in OTHERS else BLUE
+
+
 def _legends(above: Any, below: Any, ratios: list[float], marked: bool) -> None:
     """Colors and styles, explained once each."""
     from matplotlib.lines import Line2D
 
-    colors = [
-        Line2D([], [], color=color, label=f"$λ/μ = {ratio:.4g}$")
-        for color, ratio in zip(COLORS, ratios, strict=False)
-    ]
+    colors = [Line2D([], [], color=_color(ratio), label=f"$λ/μ = {ratio:.4g}$") for ratio in ratios]
     styles = [
         Line2D([], [], color=INK, ls="-", label=CYLINDER),
         Line2D([], [], color=INK, ls="--", label=SPHERE),
