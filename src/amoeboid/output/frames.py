@@ -5,6 +5,7 @@ from __future__ import annotations
 from array import array
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -16,6 +17,7 @@ from amoeboid.observables import retrograde_flow
 from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
+from amoeboid.surface.cell import SurfaceCell
 
 
 class FrameFiles:
@@ -66,22 +68,26 @@ class FrameFiles:
 
 
 def write_frame(path: Path, step: Step) -> None:
-    """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields.
+    """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields."""
+    _write(path, step.state.r, step.model.mesh.faces, *frame_arrays(step.cell))
+
+
+def frame_arrays(cell: SurfaceCell) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The fields of a frame at the nodes, and its numbers, by their names.
 
     Fields: c, v_p, v_c, v (frame of the nodes), retrograde_flow (frame of the cell), normal.
     """
-    state, flow = step.state, step.flow
     fields = {
-        "c": state.c,
-        "v_p": flow.v_p,
-        "v_c": flow.v_c,
-        "v": flow.v,
-        "retrograde_flow": retrograde_flow(step.cell),
-        "normal": flow.normals,
+        "c": cell.c,
+        "v_p": cell.v_p,
+        "v_c": cell.v_c,
+        "v": cell.v,
+        "retrograde_flow": retrograde_flow(cell),
+        "normal": cell.normals,
     }
-    numbers: dict[str, ArrayLike] = {"t": [state.t], "zeta0": [state.zeta0]}
-    numbers["cortex_drag_position"] = state.position
-    _write(path, state.r, step.model.mesh.faces, fields, numbers)
+    numbers = {"t": np.array([cell.t]), "zeta0": np.array([cell.zeta0])}
+    numbers["cortex_drag_position"] = cell.state.position
+    return fields, numbers
 
 
 def write_initial(path: Path, cell: InitialCell) -> None:
@@ -89,14 +95,38 @@ def write_initial(path: Path, cell: InitialCell) -> None:
     _write(path, cell.r, cell.faces, {"c": cell.c}, {"t": [0.0], "zeta0": [cell.zeta0]})
 
 
+def frame_text(
+    r: ArrayLike,
+    faces: ArrayLike,
+    fields: Mapping[str, ArrayLike],
+    numbers: Mapping[str, ArrayLike],
+) -> str:
+    """The text of a frame (.vtp): nodes (V, 3), triangles (F, 3), and what `frame_arrays` gives."""
+    writer = _writer(np.asarray(r, dtype=float), np.asarray(faces), fields, numbers)
+    writer.WriteToOutputStringOn()
+    if writer.Write() != 1:
+        raise OSError("the frame could not be written")
+    return str(writer.GetOutputString())
+
+
 def _write(
     path: Path,
     r: Array,
     faces: Index,
-    fields: Mapping[str, Array],
+    fields: Mapping[str, ArrayLike],
     numbers: Mapping[str, ArrayLike],
 ) -> None:
     """Write nodes, triangles, fields at the nodes and numbers as VTK PolyData."""
+    writer = _writer(r, faces, fields, numbers)
+    writer.SetFileName(str(path))
+    if writer.Write() != 1:
+        raise OSError(f"the frame {str(path)!r} could not be written")
+
+
+def _writer(
+    r: Array, faces: Array, fields: Mapping[str, ArrayLike], numbers: Mapping[str, ArrayLike]
+) -> Any:
+    """A writer of VTK that has the surface, and needs to be told where to."""
     from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
@@ -111,7 +141,7 @@ def _write(
     cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
     surface.SetPolys(cells)
     for name, values in fields.items():
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
+        array = numpy_to_vtk(np.ascontiguousarray(values, dtype=float), deep=True)
         array.SetName(name)
         surface.GetPointData().AddArray(array)
     surface.GetPointData().SetActiveScalars("c")
@@ -120,10 +150,8 @@ def _write(
         array.SetName(name)
         surface.GetFieldData().AddArray(array)
     writer = vtkXMLPolyDataWriter()
-    writer.SetFileName(str(path))
     writer.SetInputData(surface)
-    if writer.Write() != 1:
-        raise OSError(f"the frame {str(path)!r} could not be written")
+    return writer
 
 
 def frame_name(count: int) -> str:

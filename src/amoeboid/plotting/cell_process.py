@@ -82,7 +82,7 @@ def _add_cell(plotter: Any, scene: Scene) -> None:
 
     fastest = float(scene["fastest"])
     if moving:
-        chosen = _spread_out(x, ARROWS)
+        chosen = spread_out(x, ARROWS)
         points = pv.PolyData((x + 0.02 * R0 * scene["normals"])[chosen])
         points["flow"] = scene["flow"][chosen]
         arrows = points.glyph(
@@ -179,7 +179,7 @@ def _view_axes(vector: Array) -> tuple[Array, Array]:
     return rear, side / np.linalg.norm(side)
 
 
-def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
+def spread_out(r: Array, count: int) -> NDArray[np.int64]:
     """Indices of about `count` nodes evenly spread: farthest-point sampling."""
     chosen = [0]
     distance = np.linalg.norm(r - r[0], axis=1)
