@@ -74,7 +74,7 @@ def test_rear_lies_at_positive_z_and_the_flow_goes_there(coarse):
 
 def test_frame_is_one_that_a_run_starts_from(coarse, tmp_path):
     path = tmp_path / "fig3d.vtp"
-    path.write_text(coarse.files["vtp"])
+    path.write_bytes(coarse.files["vtp"])
     frame = read_frame(path, coarse.parameters)
     np.testing.assert_array_equal(frame.state.c, coarse["nodes"]["c"])
     first = start(Config(parameters=coarse.parameters, initial=Initial(from_frame=str(path))))

@@ -16,7 +16,7 @@ from amoeboid.figures.style import COLUMN
 from amoeboid.figures.tables import FigureData, Table, column_of, label
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
-from amoeboid.output.frames import frame_arrays, frame_text
+from amoeboid.output.frames import frame_arrays, frame_bytes
 from amoeboid.plotting.cell import MIN_FLOW
 from amoeboid.plotting.cell_process import spread_out
 from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK, ORANGE
@@ -110,11 +110,16 @@ def compute(p: Parameters, results: Results) -> FigureData:
         "cell": Table("the cell as a whole", cell),
     }
     problems = [] if found["steady"] else [f"the cell is not steady: {found['ended']}"]
-    files = {
-        "vtp": frame_text(found["r"], found["faces"], found["fields"], found["numbers"]),
+    fields, numbers = (_arrays(found[name]) for name in ("fields", "numbers"))
+    files: dict[str, str | bytes] = {
+        "vtp": frame_bytes(np.array(found["r"]), faces, fields, numbers),
         "html": page(_scene(p, tables)),
     }
     return FigureData(p, tables, _notes(p, found), tuple(problems), files)
+
+
+def _arrays(lists: dict[str, Any]) -> dict[str, Array]:
+    return {name: np.array(values) for name, values in lists.items()}
 
 
 def _notes(p: Parameters, found: dict[str, Any]) -> tuple[str, ...]:
