@@ -145,9 +145,15 @@ def label(words: str, unit: str) -> str:
     >>> label("speed", "R0 beta"), label("speed", "um/s"), label("polarity", "")
     ('speed [$R_0$ β]', 'speed [µm/s]', 'polarity')
     """
-    if not unit:
-        return words
+    return f"{words} [{drawn_unit(unit)}]" if unit else words
+
+
+def drawn_unit(unit: str) -> str:
+    """A unit as pictures show it.
+
+    >>> drawn_unit("R0 beta"), drawn_unit("um^2/s")
+    ('$R_0$ β', 'µm$^{2}$/s')
+    """
     names = "|".join(map(re.escape, SYMBOLS))
     drawn = re.sub(rf"\b({names})\b", lambda found: SYMBOLS[found.group()], unit)
-    drawn = re.sub(r"\^([0-9]+)", r"$^{\1}$", drawn)
-    return f"{words} [{drawn}]"
+    return re.sub(r"\^([0-9]+)", r"$^{\1}$", drawn)
