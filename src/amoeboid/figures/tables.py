@@ -114,7 +114,7 @@ class FigureData(Mapping[str, Table]):
     tables: Mapping[str, Table]
     notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Table:
         return self.tables[name]
