@@ -1,7 +1,6 @@
 """Force balance of the viscous cortex, strong form, on an axisymmetric surface.
 
-All fields are arrays or carry derivatives (Dual, Stepped); `p` holds the parameters, possibly
-complex.
+All fields are arrays or Duals; `p` holds the parameters, possibly complex.
 """
 
 from __future__ import annotations
@@ -17,8 +16,6 @@ from amoeboid.axisymmetric.shape import Shape
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.stress import principal_stresses
-from amoeboid.numerics.derivatives import Dual
-from amoeboid.numerics.stepped import Stepped
 from amoeboid.validation import InvalidInput
 
 
@@ -97,7 +94,7 @@ def refuse_cue(cue: Any, what: str) -> None:
 
 def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:
     """A function of an array or a Dual, given (f(c), f'(c)) by `derivatives(c, 1)`."""
-    if isinstance(c, Dual | Stepped):
+    if hasattr(c, "derivatives"):
         return c.map(*derivatives(c.values, 1))
     return derivatives(c, 0)[0]
 

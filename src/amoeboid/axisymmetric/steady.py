@@ -33,7 +33,6 @@ from amoeboid.axisymmetric.unknowns import (
     fields_of,
     resampled,
     split,
-    stepped_fields_of,
     unknown_count,
 )
 from amoeboid.model.cues import Cue
@@ -42,13 +41,10 @@ from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
 from amoeboid.numerics.derivatives import stacked
 from amoeboid.numerics.newton import newton
-from amoeboid.numerics.stepped import with_derivatives
 from amoeboid.observables import Measured
 
 MODES = 32
 MAX_MODES = 256
-OPERATORS, CUE_OPERATORS = 8, 12
-"""Linear operators in `equations`, without and with a cue."""
 STRONG = 5e-9
 """Residual of the continuous equations, between the points, up to which a state is resolved."""
 
@@ -133,8 +129,7 @@ class SteadySystem:
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""
-        rows = equations(self.n, fields_of(x, self.n), self.point(q))
-        return np.concatenate(rows) / self.row_scales
+        return equations(self.n, fields_of(x, self.n), self.point(q)) / self.row_scales
 
     def jacobian(self, x: Array, q: Array) -> Array:
         """Its exact derivative to x, shape (3 n + 3, 3 n + 3)."""
@@ -142,12 +137,8 @@ class SteadySystem:
 
     def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]:
         """Both at once."""
-        if np.iscomplexobj(x) or np.iscomplexobj(q):
-            f = stacked(equations(self.n, differentiable_fields_of(x, self.n), self.point(q)))
-            return f.values / self.row_scales, f.derivatives / self.row_scales[:, None]
-        operators = OPERATORS if self.cue is None else CUE_OPERATORS
-        rows = equations(self.n, stepped_fields_of(x, self.n, operators), self.point(q))
-        return with_derivatives(rows, self.row_scales)
+        f = equations(self.n, differentiable_fields_of(x, self.n), self.point(q))
+        return f.values / self.row_scales, f.derivatives / self.row_scales[:, None]
 
     def resolved(self, x: Array, q: Array) -> bool:
         """Whether x solves the continuous equations at q, not only the discrete ones."""
@@ -164,20 +155,22 @@ class SteadySystem:
         return resampled(x, self.n, 2 * self.n)
 
 
-def equations(n: int, f: Fields, p: Any) -> list[Any]:
-    """Residuals of the steady problem: force balance, transport, closure, area, filament number."""
+def equations(n: int, f: Fields, p: Any) -> Any:
+    """Residual of the steady problem: force balance, transport, closure, area, filament number."""
     s = shape(grid(n), f.psi, f.psi_slope, f.scale)
     w = -speed(s, f.c, p)
     tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), f.axial, p)
     area = 4 * np.pi * p.R0**2
-    return [
-        tangential,
-        normal,
-        transport(s, f.c, f.u, p) + f.source,
-        s.gap,
-        s.area - area,
-        s.surface_integral(f.c) - p.c0 * area,
-    ]
+    return stacked(
+        [
+            tangential,
+            normal,
+            transport(s, f.c, f.u, p) + f.source,
+            s.gap,
+            s.area - area,
+            s.surface_integral(f.c) - p.c0 * area,
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -342,4 +335,4 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     force += np.abs(p.tau(f.c)).max() / p.R0
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
-    return float(np.max(np.abs(np.concatenate(equations(m, f, p))) / units))
+    return float(np.max(np.abs(equations(m, f, p)) / units))

@@ -15,7 +15,6 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.spectral import grid, resized
 from amoeboid.numerics.derivatives import Dual
-from amoeboid.numerics.stepped import Directions, Seeds
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,6 @@ class Layout:
     u: Array
     c: Array
     scalars: Array
-    seeds: Seeds
 
     @property
     def size(self) -> int:
@@ -73,10 +71,7 @@ def layout(n: int) -> Layout:
     psi_slope[:, : n - 1] = g.odd_slopes[:, : n - 1]
     u[:, n - 1 : 2 * n - 1] = g.odd_values
     c[:, 2 * n - 1 : 3 * n - 1] = g.even_values
-    scalars = np.eye(size)[-4:]
-    return Layout(
-        n, psi, psi_slope, u, c, scalars, Seeds((psi, psi_slope, u, c, *np.split(scalars, 4)))
-    )
+    return Layout(n, psi, psi_slope, u, c, np.eye(size)[-4:])
 
 
 def fields_of(x: Array, n: int) -> Fields:
@@ -84,13 +79,6 @@ def fields_of(x: Array, n: int) -> Fields:
     a = layout(n)
     scalars = [x[k : k + 1] for k in range(3 * n - 1, 3 * n + 3)]
     return Fields(grid(n).x + a.psi @ x, 1.0 + a.psi_slope @ x, a.u @ x, a.c @ x, *scalars)
-
-
-def stepped_fields_of(x: Array, n: int, operators: int) -> Fields:
-    """The unknowns at the points for equations with so many linear operators; x is real."""
-    directions = Directions(layout(n).seeds, operators)
-    values = vars(fields_of(x, n)).values()
-    return Fields(*(directions.seed(k, v) for k, v in enumerate(values)))
 
 
 def differentiable_fields_of(x: Array, n: int) -> Fields:

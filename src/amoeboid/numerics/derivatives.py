@@ -1,10 +1,9 @@
 """Forward-mode derivatives: an equation is written once and yields its exact Jacobian too.
 
 A `Dual` carries the values of a field at n points and their derivatives with respect to k
-unknowns, real or complex ones: complex steps through it give exact second derivatives. Functions
-of this project that take "arrays or Duals" may be called with plain arrays for values only, and
-with the fields of `stepped`, which take less time but only real values. Source: Griewank & Walther,
-*Evaluating Derivatives*, 2nd ed. 2008, chapter 3.
+unknowns. Every function of this project that takes "arrays or Duals" may be called with plain
+arrays (real or complex) for values only. Source: Griewank & Walther, *Evaluating Derivatives*,
+2nd ed. 2008, chapter 3.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.numerics.stepped import Stepped
 
 
 class Dual:
@@ -76,30 +74,38 @@ class Dual:
         return self.map(inverse, -inverse * inverse)
 
 
+Field = Array | Dual
+
+
 def _column(factor: Any) -> Any:
     return factor[:, None] if isinstance(factor, np.ndarray) and factor.ndim else factor
 
 
 def sin(field: Any) -> Any:
     """Sine of an array or a Dual."""
-    if isinstance(field, Dual | Stepped):
+    if isinstance(field, Dual):
         return field.map(np.sin(field.values), np.cos(field.values))
     return np.sin(field)
 
 
 def cos(field: Any) -> Any:
     """Cosine of an array or a Dual."""
-    if isinstance(field, Dual | Stepped):
+    if isinstance(field, Dual):
         return field.map(np.cos(field.values), -np.sin(field.values))
     return np.cos(field)
 
 
 def sqrt(field: Any) -> Any:
     """Square root of an array or a Dual."""
-    if isinstance(field, Dual | Stepped):
+    if isinstance(field, Dual):
         root = np.sqrt(field.values)
         return field.map(root, 0.5 / root)
     return np.sqrt(field)
+
+
+def values(field: Any) -> Array:
+    """The values of an array or a Dual."""
+    return field.values if isinstance(field, Dual) else field
 
 
 def stacked(fields: list[Any]) -> Any:
