@@ -21,13 +21,11 @@ from amoeboid.numerics.derivatives import cos, sin, sqrt
 class Shape:
     """Geometry at the points of a grid; every entry is an array (n,) or a Dual.
 
-    `scale` is ds/dx [length], `per_length` its inverse; `gap` the dimensionless misfit
-    r(pi)/(pi scale) of an open curve.
+    `scale` is ds/dx [length]; `gap` the dimensionless misfit r(pi)/(pi scale) of an open curve.
     """
 
     grid: Grid
     scale: Any
-    per_length: Any
     sin_psi: Any
     cos_psi: Any
     psi_slope: Any
@@ -44,11 +42,11 @@ class Shape:
 
     def even_slope(self, field: Any) -> Any:
         """d/ds of an even field."""
-        return (self.grid.even_derivative @ field) * self.per_length
+        return (self.grid.even_derivative @ field) / self.scale
 
     def odd_slope(self, field: Any) -> Any:
         """d/ds of an odd field."""
-        return (self.grid.odd_derivative @ field) * self.per_length
+        return (self.grid.odd_derivative @ field) / self.scale
 
     def divergence(self, field: Any) -> Any:
         """Surface divergence of an odd tangential field along the meridian."""
@@ -84,18 +82,16 @@ class Shape:
 def shape(grid: Grid, psi: Any, psi_slope: Any, scale: Any) -> Shape:
     """Geometry from psi and d(psi)/dx at the grid points and scale = ds/dx, shape (1,)."""
     sin_psi, cos_psi = sin(psi), cos(psi)
-    r, per_length = (grid.integral @ cos_psi) * scale, 1.0 / scale
-    per_r = 1.0 / r
+    r = (grid.integral @ cos_psi) * scale
     return Shape(
         grid=grid,
         scale=scale,
-        per_length=per_length,
         sin_psi=sin_psi,
         cos_psi=cos_psi,
         psi_slope=psi_slope,
         r=r,
-        kappa_1=psi_slope * per_length,
-        kappa_2=sin_psi * per_r,
-        cot=cos_psi * per_r,
+        kappa_1=psi_slope / scale,
+        kappa_2=sin_psi / r,
+        cot=cos_psi / r,
         gap=np.full((1, grid.n), 1.0 / grid.n) @ cos_psi,
     )
