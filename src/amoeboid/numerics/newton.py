@@ -66,9 +66,11 @@ def newton(
     f, size = _evaluated(residual, x)
     residuals, steps = [size], []
     jacobian: Factor | None = None
-    for _ in range(max_iterations):
+    made = 0
+    while jacobian is not None or made < max_iterations:
         fresh = jacobian is None
         if jacobian is None:
+            made += 1
             jacobian = _factorized(residual_and_jacobian, x)
             if jacobian is None or not np.isfinite(residuals[-1]):
                 break
@@ -111,7 +113,7 @@ def _factorized(residual_and_jacobian: Jacobian, x: Array) -> Factor | None:
         return None
     if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(f))):
         return None
-    lu, pivots, info = dgetrf(jacobian.T, overwrite_a=True)
+    lu, pivots, info = dgetrf(jacobian.T)
     return Factor(lu, pivots) if info == 0 else None
 
 
