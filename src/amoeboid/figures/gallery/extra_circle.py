@@ -250,9 +250,10 @@ def draw(data: FigureData, axes: Any) -> None:
     last = path["last_turn"]
     unit = path.unit("x")
     axes.plot(path["x"], path["y"], color=GRAY, lw=0.7, zorder=1)
+    first = outlines["t"] == outlines["t"][0]
     axes.annotate(
-        "start", (path["x"][0], path["y"][0]), xytext=(0.0, 8.0), textcoords="offset points",
-        ha="center", fontsize=7.0,
+        "start", (path["x"][0], outlines["y1"][first].max()), xytext=(0.0, 2.5),
+        textcoords="offset points", ha="center", va="bottom", fontsize=7.0,
     )  # fmt: skip
     known = float(circle["reference_radius"][0])
     if last.any():
