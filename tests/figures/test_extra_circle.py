@@ -37,8 +37,9 @@ def test_turning_is_that_of_the_heading_and_rest_does_not_count():
     assert turned[-1] == pytest.approx(3.5 * np.pi, rel=1e-9)
 
 
-def test_plane_is_that_of_the_circle_and_the_path_starts_on_the_left():
-    path, _ = straight_then_round()
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_plane_is_that_of_the_circle_and_the_path_starts_on_the_left(side):
+    path = straight_then_round()[0] @ TILTED * [1.0, side, 1.0] @ TILTED.T  # to the left, right
     plane = extra_circle.plane_of(path, 100)
     flat = (path - path[0]) @ plane.T
     np.testing.assert_allclose(plane @ plane.T, np.eye(3), atol=1e-14)
