@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.closed_forms.branch import prediction
 from amoeboid.closed_forms.linear import critical_speed, growth_rate
 from amoeboid.closed_forms.points import infinite_pressure, points
@@ -131,6 +132,10 @@ def _number(value: float | None) -> float:
     return np.nan if value is None else float(value)
 
 
+AT_THRESHOLD_PREFACTOR = "_prefactor_at_threshold"
+"""How the columns of the theory end whose speeds have the prefactor at the threshold."""
+
+
 def threshold_table(p: Parameters, threshold: float) -> Table:
     """The threshold of the sphere as a table of one row."""
     columns = {"v_p0": column_of(p, [threshold], "L/T")}
@@ -158,7 +163,7 @@ def theory_table(p: Parameters, speeds: Array) -> Table:
         found = prediction(points(base, v_p0=speeds))
         for name, speed in (
             (key, found.max_retrograde_speed_at_v_p0),
-            (f"{key}_prefactor_at_threshold", found.max_retrograde_speed),
+            (f"{key}{AT_THRESHOLD_PREFACTOR}", found.max_retrograde_speed),
         ):
             columns[name] = column_of(p, np.where(found.state.exists, speed, np.nan), "L/T")
     return Table("weakly nonlinear theory, max_retrograde_speed", columns)
@@ -240,8 +245,8 @@ class Window:
 
 # Places of 3D runs: in units of the fold, in shares of the way from fold to threshold, and in units
 # of the threshold.
-AT_FOLD = (0.985, 0.999, 1.002, 1.006)
-BETWEEN = (0.12, 0.3, 0.55, 0.8)
+AT_FOLD = (0.985, 0.999, 1.002, 1.012)
+BETWEEN = (0.15, 0.35, 0.6, 0.85)
 AT_THRESHOLD = (0.998, 1.002, 1.015, 1.04)
 BEYOND = 0.3
 """What of the way from fold to threshold the window shows beyond each of the two."""
@@ -333,3 +338,25 @@ def error_of_fold(speeds: Sequence[float], rows: Sequence[Any]) -> float | None:
     a, b = known
     rise = rows[b]["max_retrograde_speed"] - rows[a]["max_retrograde_speed"]
     return float(rows[a][ERRORS[0]]) * (speeds[b] - speeds[a]) / abs(rise)
+
+
+def mesh_threshold(p: Parameters, subdivisions: int) -> float | None:
+    """The threshold of the sphere on a mesh [L/T]: where its measured growth rate vanishes.
+
+    On the line through two growth rates below the threshold. None where one is not known.
+    """
+    speeds = [share * float(critical_speed(p)) for share in BELOW_THRESHOLD]
+    rates = [steady_run(p.replace(v_p0=v), subdivisions, 0.0)["growth_rate"] for v in speeds]
+    if None in rates:
+        return None
+    a, b = rates
+    return float(speeds[1] - b * (speeds[1] - speeds[0]) / (b - a))
+
+
+BELOW_THRESHOLD = (0.95, 0.99)
+"""Where the growth rates of `mesh_threshold` are measured, in thresholds."""
+
+
+def solver_threshold(p: Parameters) -> float | None:
+    """The threshold of the axisymmetric solver [L/T], from its linearization on the sphere."""
+    return onset_speed(p)

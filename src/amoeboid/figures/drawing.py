@@ -9,7 +9,7 @@ import numpy as np
 
 from amoeboid.figures.computed import ERRORS, FOLD, pieces
 from amoeboid.figures.tables import Table, label
-from amoeboid.plotting.palette import GRAY, GREEN, INK, PURPLE, STABLE, UNSTABLE
+from amoeboid.plotting.palette import GRAY, GREEN, INK, PALE, PURPLE, STABLE, UNSTABLE
 
 SYMBOLS = {
     "v_p0": "polymerization speed $v_p^0$",
@@ -27,32 +27,39 @@ def name_axes(axes: Any, table: Table, x: str, y: str) -> None:
     axes.set_ylabel(label(SYMBOLS.get(y, y), table.unit(y)))
 
 
-def draw_branch(axes: Any, table: Table, x: str = "v_p0", y: str = "max_retrograde_speed") -> None:
+def draw_branch(
+    axes: Any,
+    table: Table,
+    x: str = "v_p0",
+    y: str = "max_retrograde_speed",
+    words: str = "axisymmetric",
+    color: str | None = None,
+) -> None:
     """A branch, solid where it is stable, dashed where not, its folds marked."""
     told = set()
     for rows, stable in pieces(table):
-        word = f"axisymmetric, {'stable' if stable else 'unstable'}"
+        name = f"{words}, {'stable' if stable else 'unstable'}"
         axes.plot(
             table[x][rows],
             table[y][rows],
-            color=STABLE if stable else UNSTABLE,
+            color=color or (STABLE if stable else UNSTABLE),
             ls="-" if stable else "--",
-            label=None if word in told else word,
+            label=None if name in told else name,
         )
-        told.add(word)
+        told.add(name)
     fold = table["kind"] == FOLD
     if fold.any():
         axes.plot(table[x][fold], table[y][fold], "s", color=INK, ms=3.5, label="fold", zorder=4)
 
 
-def mark_threshold(axes: Any, table: Table) -> None:
-    """The threshold v_p^c of the sphere, on the line of no flow."""
+def mark_threshold(axes: Any, table: Table, first: bool = True) -> None:
+    """The threshold v_p^c of the sphere, on the line of no flow; named if it is the first one."""
     axes.plot(
         table["v_p0"],
         np.zeros(len(table)),
         "o",
         color=INK,
-        label="threshold $v_p^c$",
+        label="threshold $v_p^c$" if first else None,
         zorder=7,
         clip_on=False,
     )
@@ -107,3 +114,8 @@ def show_window(axes: Any, values: Any, headroom: float = 0.05) -> None:
         shown = (x >= low) & (x <= high) & np.isfinite(y) if len(x) == len(y) else np.zeros(0, bool)
         top = max([top, *y[shown]]) if shown.any() else top
     axes.set_ylim(0.0, (1 + headroom) * top if top > 0 else 1.0)
+
+
+def mark_range(axes: Any, values: Any) -> None:
+    """Shade the axes between two values of x."""
+    axes.axvspan(float(values[0]), float(values[1]), color=PALE, alpha=0.6, lw=0, zorder=0)
