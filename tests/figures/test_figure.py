@@ -93,6 +93,15 @@ def test_a_damaged_result_is_computed_again(tmp_path):
         assert calls == [4]
 
 
+def test_a_function_of_a_notebook_is_computed_each_time(tmp_path):
+    # It has the name of the one before, and no file tells them apart.
+    for value in (1, 2):
+        cell = {"__name__": "no_file_holds_this"}
+        exec(f"def answer():\n    return {value}", cell)  # noqa: S102
+        assert Results(tmp_path).of(cell["answer"], task="answer") == value
+        assert Results().of(cell["answer"], task="answer") == value
+
+
 def test_results_of_cells_in_other_units_are_kept_apart(tmp_path):
     p = Parameters.physical()
     first = OWN.data(p, Results(tmp_path))

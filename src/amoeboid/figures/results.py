@@ -8,10 +8,10 @@ command has computed is there when it is given again.
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 from hashlib import sha256
-from importlib import import_module
 from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
@@ -24,9 +24,9 @@ from amoeboid.validation import InvalidInput
 FOLDER = ".computed"
 """Where the results lie, in the folder of the pictures."""
 
-SHARED = "amoeboid.figures.computed"
+SHARED = "figures/computed.py"
 WITHOUT_RESULTS = ("cli", "figures", "plotting")
-"""Folders of the package that no result depends on, besides SHARED and its own module."""
+"""Folders of the package that no result depends on, besides SHARED and its own file."""
 
 Tell = Callable[[Sequence[str]], None]
 """A callback that gets the parts of a line of progress."""
@@ -98,13 +98,20 @@ class Results:
 
 
 def _key(function: Callable[..., Any], arguments: Sequence[Any]) -> str | None:
-    """A text that differs where the result may; None for a cell that no text can describe."""
+    """A text that differs where the result may; None where no text can describe that.
+
+    This is so for a law or stress that is a Python function, and for a function that no file holds:
+    one of a notebook may be another one in the next moment.
+    """
+    own = getattr(sys.modules.get(function.__module__), "__file__", None)
+    if own is None:
+        return None
     try:
         texts = [_text(a) for a in arguments]
-    except InvalidInput:  # a law or stress that is a Python function
+    except InvalidInput:
         return None
     name = f"{function.__module__}.{function.__qualname__}"
-    return "\n".join([name, *texts, _code(function.__module__)])
+    return "\n".join([name, *texts, _code(own)])
 
 
 def _text(argument: Any) -> str:
@@ -118,16 +125,15 @@ def _text(argument: Any) -> str:
 
 
 @cache
-def _code(module: str) -> str:
-    """A digest of the code that a function of this module computes with.
+def _code(own: str) -> str:
+    """A digest of the code that a function of this file computes with.
 
     Other code may give other results; how they are drawn is no part of it.
     """
     root = Path(str(files("amoeboid")))
     found = [p for p in root.rglob("*.py") if p.relative_to(root).parts[0] not in WITHOUT_RESULTS]
-    own = [getattr(import_module(name), "__file__", None) for name in (SHARED, module)]
     digest = sha256(version("amoeboid").encode())
-    for path in [*sorted(found), *(Path(file) for file in own if file)]:
+    for path in [*sorted(found), root / SHARED, Path(own)]:
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -1,1 +1,1 @@
-"""Pictures: the only place that imports matplotlib and PyVista."""
+"""Pictures: the only place that imports matplotlib and Pillow."""
