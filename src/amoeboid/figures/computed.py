@@ -89,7 +89,7 @@ def steady_run(p: Parameters, subdivisions: int, perturbation: float | None) -> 
     run = simulate(
         p,
         mesh=Icosphere(subdivisions),
-        initial=Initial(perturbation=perturbation),
+        initial=Initial() if perturbation is None else Initial(perturbation=perturbation),
         time=Time(end=END / p.rate, max_step=MAX_STEP / p.rate),
         progress=False,
     )
@@ -121,9 +121,7 @@ def runs_table(p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any])
         key: column_of(p, [row[key] for row in rows], OBSERVABLES[key].dimension) for key in SHOWN
     }
     errors = [[_number(row[key]) for row in rows] for key in ERRORS]
-    columns |= {
-        key: column_of(p, found, "L/T") for key, found in zip(ERRORS, errors, strict=True)
-    }
+    columns |= {key: column_of(p, found, "L/T") for key, found in zip(ERRORS, errors, strict=True)}
     columns |= {key: column_of(p, [row[key] for row in rows]) for key in ("polarized", "steady")}
     return Table("the ends of 3D runs", columns)
 

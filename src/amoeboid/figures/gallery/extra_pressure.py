@@ -60,7 +60,9 @@ def compute(p: Parameters, results: Results) -> FigureData:
 def pressure_unit(p: Parameters) -> float:
     """eta_s beta/R0 [M/(L T^2)]. Raises InvalidInput without turnover."""
     if p.beta == 0:
-        raise InvalidInput("beta must be > 0 here, got 0: the unit of the pressure is eta_s beta/R0")
+        raise InvalidInput(
+            "beta must be > 0 here, got 0: the unit of the pressure is eta_s beta/R0"
+        )
     return p.eta_s * p.beta / p.R0
 
 
@@ -98,9 +100,7 @@ def onset(p: Parameters) -> dict[str, Any]:
     }
 
 
-def _table(
-    p: Parameters, pressure: Any, values: dict[str, Any], about: str
-) -> Table:
+def _table(p: Parameters, pressure: Any, values: dict[str, Any], about: str) -> Table:
     columns = {
         "delta_P": column_of(p, pressure, p.dimension("delta_P")),
         AT: column_of(p, np.asarray(pressure) / pressure_unit(p)),

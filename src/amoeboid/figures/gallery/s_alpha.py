@@ -105,7 +105,9 @@ def draw(data: FigureData, axes: Any) -> None:
         ("shell", "3D shell, 642 nodes", {"marker": "x", "color": INK}),
     ):
         table = data[key]
-        axes.plot(table["alpha"] * shown, table["threshold"], ls="", label=words, clip_on=False, **style)
+        axes.plot(
+            table["alpha"] * shown, table["threshold"], ls="", label=words, clip_on=False, **style
+        )
     if "estimates" in data:
         _draw_estimates(axes, data["estimates"], shown)
     axes.set_xlabel(label(SYMBOLS["alpha"], unit))
@@ -121,9 +123,7 @@ def _draw_estimates(axes: Any, table: Table, shown: float) -> None:
     for key, place, side in (("printed", (-3, 2), "right"), ("derived", (3, -9), "left")):
         value = float(table[key][0])
         axes.plot(estimate, value, "s", color=INK, zorder=6)
-        axes.annotate(
-            f"{value:.3g}", (estimate, value), place, textcoords="offset points", ha=side
-        )
+        axes.annotate(f"{value:.3g}", (estimate, value), place, textcoords="offset points", ha=side)
     for at, top, words, style in (
         (estimate, table["printed"][0], "$G h/c_0$", "-"),
         (misprint, table["printed"][1], "$G h/c_0$ as printed", "--"),

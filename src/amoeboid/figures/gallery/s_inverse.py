@@ -30,9 +30,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
         branch = results.of(
             computed.branch_points, q, "v_p0", low, high, 0.05, task=f"axisymmetric branch, {law}"
         )
-        tables[f"theory-{law}"] = computed.theory_table(
-            q, computed.spread(low, threshold, high)
-        )
+        tables[f"theory-{law}"] = computed.theory_table(q, computed.spread(low, threshold, high))
         tables[f"branch-{law}"] = computed.branch_table(q, "v_p0", branch)
         tables[f"threshold-{law}"] = computed.threshold_table(q, threshold)
         notes.append(f"threshold v_p^c, {law} law = {text(q, threshold, 'L/T', '#.8g')}")
