@@ -35,6 +35,7 @@ from amoeboid.studies.columns import (
     with_units,
 )
 from amoeboid.studies.states import SHOWN, SteadyState, states_columns
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 FOLD, HOPF, BIFURCATION = "fold", "Hopf bifurcation", "bifurcation"
@@ -237,6 +238,7 @@ def _listed(texts: Sequence[str]) -> str:
     return f"{', '.join(texts[:MAX_LISTED])}{more}"
 
 
+@one_thread
 def branch(
     p: Parameters,
     name: str = "v_p0",
