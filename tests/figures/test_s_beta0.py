@@ -35,11 +35,11 @@ def test_branch_has_a_fold_and_keeps_the_number_of_filaments():
 
 
 def test_run_keeps_the_number_of_filaments():
-    p = Parameters(beta=0.0, v_p0=0.17)
-    run = computed.steady_run(p, 1, p.c0)
+    p = Parameters(beta=0.0, v_p0=0.168)
+    run = computed.steady_run(p, 2, p.c0)
     assert run["steady"]
     assert run["polarized"]
-    start = computed.steady_run(p.replace(v_p0=0.1), 1, 0.0)
+    start = computed.steady_run(p.replace(v_p0=0.1), 2, 0.0)
     assert run["filament_number"] == pytest.approx(start["filament_number"], rel=1e-3)
 
 

@@ -96,7 +96,8 @@ def draw_hysteresis(axes: Any, data: Mapping[str, Table], words: str) -> None:
     draw_runs(axes, data["runs-weak"], f"{words}, weak start")
     mark_threshold(axes, data["threshold"])
     name_axes(axes, data["branch"], "v_p0", "max_retrograde_speed")
-    show_window(axes, data["theory"]["v_p0"], headroom=0.5)
+    show_window(axes, data["theory"]["v_p0"])
+    legend_above(axes)
 
 
 def draw_threshold_line(axes: Any, table: Table) -> None:
@@ -119,3 +120,8 @@ def show_window(axes: Any, values: Any, headroom: float = 0.05) -> None:
 def mark_range(axes: Any, values: Any) -> None:
     """Shade the axes between two values of x."""
     axes.axvspan(float(values[0]), float(values[1]), color=PALE, alpha=0.6, lw=0, zorder=0)
+
+
+def legend_above(axes: Any) -> None:
+    """A legend of two columns above the axes, where no line can meet it."""
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.17, 1.0), ncols=2, columnspacing=1.0)

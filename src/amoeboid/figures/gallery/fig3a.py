@@ -50,7 +50,7 @@ def draw(data: FigureData, axes: Any) -> None:
     drawing.mark_threshold(axes, data["threshold"])
     drawing.name_axes(axes, data["runs"], "v_p0", "max_retrograde_speed")
     drawing.show_window(axes, data["theory"]["v_p0"])
-    axes.legend(loc="upper left")
+    drawing.legend_above(axes)
 
 
 FIGURE = Figure(
@@ -60,5 +60,6 @@ FIGURE = Figure(
     parameters=Parameters(),
     compute=compute,
     draw=draw,
+    size=(3.4, 2.8),
     varies=frozenset({"v_p0"}),
 )

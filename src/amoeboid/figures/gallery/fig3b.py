@@ -22,7 +22,6 @@ def draw(data: FigureData, axes: Any) -> None:
     """The retrograde flow over the polymerization speed."""
     drawing.draw_theory(axes, data["theory"])
     drawing.draw_hysteresis(axes, data, "3D, 642 nodes")
-    axes.legend(loc="upper left")
 
 
 FIGURE = Figure(
@@ -32,6 +31,6 @@ FIGURE = Figure(
     parameters=Parameters(D=0.4),
     compute=compute,
     draw=draw,
-    size=(3.4, 2.9),
+    size=(3.4, 3.0),
     varies=frozenset({"v_p0"}),
 )

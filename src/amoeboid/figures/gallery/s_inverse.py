@@ -43,15 +43,13 @@ def draw(data: FigureData, axes: Any) -> None:
     for law in LAWS:
         theory, color = data[f"theory-{law}"], COLORS[law]
         speed = theory[f"at_infinite_pressure{PREFACTORS[law]}"]
-        axes.plot(theory["v_p0"], speed, color=color, ls=":", label=f"theory, {law} law")
-        drawing.draw_branch(
-            axes, data[f"branch-{law}"], words=f"axisymmetric, {law} law", color=color
-        )
+        axes.plot(theory["v_p0"], speed, color=color, ls=":", label=f"{law}, theory")
+        drawing.draw_branch(axes, data[f"branch-{law}"], words=law, color=color)
         drawing.mark_threshold(axes, data[f"threshold-{law}"], first=law == LAWS[0])
     drawing.name_axes(axes, data[f"branch-{LAWS[0]}"], "v_p0", "max_retrograde_speed")
     ends = [data[f"theory-{law}"]["v_p0"][[0, -1]] for law in LAWS]
-    drawing.show_window(axes, [min(e[0] for e in ends), max(e[1] for e in ends)], headroom=0.1)
-    axes.legend(loc="upper left")
+    drawing.show_window(axes, [min(e[0] for e in ends), max(e[1] for e in ends)])
+    drawing.legend_above(axes)
 
 
 FIGURE = Figure(
