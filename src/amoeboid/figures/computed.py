@@ -289,6 +289,8 @@ def hysteresis(p: Parameters, results: Results, subdivisions: int) -> FigureData
         tables[f"runs-{key}"] = runs_table(p, "v_p0", window.speeds, rows)
         at_fold = key == "strong" and window.fold is not None
         notes += jumps(p, window.speeds, rows, f"from the {key} start", at_fold)
+        if at_fold:
+            notes += lost(p, window, rows)
         problems += not_steady(p, window.speeds, rows)
     return FigureData(p, tables, tuple(notes), tuple(problems))
 
@@ -323,6 +325,22 @@ def jumps(
         ends = [text(p, v, "L/T", "#.5g") for v in speeds[k : k + 2]]
         found.append(f"3D runs {words}: jump between v_p0 = {' and '.join(ends)}{stated}")
     return found
+
+
+def lost(p: Parameters, window: Window, rows: Sequence[Any]) -> list[str]:
+    """What to say of runs from the strong start at rest above the fold and its mesh error."""
+    polarized = [k for k, row in enumerate(rows) if row["polarized"]]
+    if window.fold is None or not polarized:
+        return []
+    first = polarized[0]
+    error = error_of_fold(window.speeds[first:], rows[first:]) or 0.0
+    at = [text(p, v, "L/T", "#.5g") for v in window.speeds[:first] if v > window.fold + error]
+    if not at:
+        return []
+    return [
+        f"above the fold, at v_p0 = {', '.join(at)}, runs from the strong start end at rest: the "
+        "start is outside the basin of attraction of the polarized state"
+    ]
 
 
 def error_of_fold(speeds: Sequence[float], rows: Sequence[Any]) -> float | None:

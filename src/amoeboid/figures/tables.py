@@ -158,4 +158,4 @@ def drawn_unit(unit: str) -> str:
     """
     names = "|".join(map(re.escape, SYMBOLS))
     drawn = re.sub(rf"\b({names})\b", lambda found: SYMBOLS[found.group()], unit)
-    return re.sub(r"\^([0-9]+)", r"$^{\1}$", drawn)
+    return re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", drawn)

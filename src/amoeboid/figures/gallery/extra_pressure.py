@@ -168,7 +168,7 @@ def _draw_shape(axes: Any, table: Table) -> None:
 
 FIGURE = Figure(
     name="extra_pressure",
-    title="shape, fold and type of the bifurcation against the pressure",
+    title="bifurcation and shape against the pressure",
     source="not in the paper",
     parameters=Parameters(D=0.4, v_p0=6.0),
     compute=compute,

@@ -34,7 +34,7 @@ from amoeboid.figures.style import COLUMN
 from amoeboid.figures.tables import FigureData, Table, column_of, label
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.palette import BLUE, COLOR_MAP, GRAY, GREEN, INK, ORANGE, SKY, YELLOW
-from amoeboid.studies.columns import text
+from amoeboid.studies.columns import Column, text
 
 FLAT = 1e4  # radius of the flat cortex [R0]
 THICK = 0.3  # of the cortex that is drawn [R0]; that of a cell is about 0.02 R0
@@ -121,7 +121,7 @@ def cell_table(p: Parameters, count: int) -> Table:
     tangential = np.einsum("pi,pij,pj->p", along, stress, along)
     flow = found.v[:, 1:] * e_theta + found.v[:, :1] * e_r
     laboratory = flow + np.array([float(found.migration), 0.0])
-    columns = {"theta": column_of(p, theta)}
+    columns = {"theta": Column(theta, "rad")}
     columns |= {k: column_of(p, p.R0 * e_r[:, i], "L") for i, k in enumerate("zx")}
     columns["c"] = column_of(p, p.c0 + a * np.cos(theta), "N/L^2")
     columns["v_p"] = column_of(p, v_p, "L/T")
@@ -151,15 +151,17 @@ def compute(p: Parameters, results: Results) -> FigureData:
     else:
         hoop, none = (float(sphere_surface_stresses(found).hoop) for found in (curved, flat))
         notes += [
-            f"tangential stress of the cortex of radius R0: {text(p, hoop, 'M/T^2')}, the thin "
-            f"shell's is off by {100 * float(thin_sphere_error(curved)):.3g} % at the thickness "
-            f"{THICK:g} R0 of the drawing; of the flat one: {text(p, none, 'M/T^2')}",
+            f"B: tangential stress of the cortex, {text(p, hoop, 'M/T^2')}; the drawn thickness is "
+            f"{THICK:g} R0, where the thin shell has a stress that differs by "
+            f"{100 * float(thin_sphere_error(curved)):.3g} %",
+            f"A: tangential stress of the flat cortex, {text(p, none, 'M/T^2')} (its radius is "
+            f"{FLAT:g} R0)",
         ]
     notes += [
         f"C and D: c = c0 + dc_1 cos(theta), dc_1 = {text(p, amplitude(p), 'N/L^2')}, to first "
         "order",
-        "the paper's D has an elongated cell between plates; the model has no plates, so that D "
-        "shows the round cell",
+        "D: the round cell; the paper's D shows an elongated one between plates, which the model "
+        "does not have",
     ]
     return FigureData(p, tables, tuple(notes), tuple(problems))
 
@@ -245,7 +247,7 @@ def _draw_frames(axes: Any, data: FigureData, R0: float) -> None:
     cell = data["cell"]
     at = sections.points(cell, "z", "x")
     fastest = np.hypot(*sections.points(cell, "v_z", "v_x").T).max()
-    for name, height, word in (("v", 1.1, "cell"), ("v_laboratory", -1.1, "lab")):
+    for name, height, word in (("v", 1.25, "cell"), ("v_laboratory", -1.25, "lab")):
         center = np.array([0.0, height * R0])
         velocity = sections.points(cell, f"{name}_z", f"{name}_x")
         velocity[np.hypot(*velocity.T) < 1e-9 * fastest] = 0.0
@@ -267,12 +269,12 @@ def _draw_frames(axes: Any, data: FigureData, R0: float) -> None:
         labelspacing=0.15,
         borderpad=0.0,
     )
-    sections.to_scale(axes, (-1.6 * R0, -3.75 * R0), (1.6 * R0, 2.2 * R0))
+    sections.to_scale(axes, (-1.6 * R0, -4.3 * R0), (1.6 * R0, 2.35 * R0))
 
 
 FIGURE = Figure(
     name="fig1",
-    title="the mechanism: treadmilling, stress and flow",
+    title="mechanism: treadmilling, stress and flow",
     source="figure 1",
     parameters=Parameters(),
     compute=compute,

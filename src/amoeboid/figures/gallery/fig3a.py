@@ -55,7 +55,7 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="fig3a",
-    title="supercritical bifurcation of the retrograde flow",
+    title="supercritical bifurcation",
     source="figure 3A",
     parameters=Parameters(),
     compute=compute,

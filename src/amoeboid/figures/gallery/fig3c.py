@@ -185,7 +185,7 @@ def _crossed(low: tuple[float, float]) -> Any:
 
 FIGURE = Figure(
     name="fig3c",
-    title="super- and subcritical regions and the width of the bistable one",
+    title="type of bifurcation, width of bistable region",
     source="figure 3C",
     parameters=Parameters(),
     compute=compute,

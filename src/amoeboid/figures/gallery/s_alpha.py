@@ -138,13 +138,13 @@ def _draw_estimates(axes: Any, table: Table, shown: float) -> None:
 
 def _tidy(unit: str) -> tuple[float, str]:
     """Factor and unit in which ticks have few digits."""
-    return (1e20, f"10⁻²⁰ {unit}") if unit == "Pa m^3" else (1.0, unit)
+    return (1e20, f"10^-20 {unit}") if unit == "Pa m^3" else (1.0, unit)
 
 
 FIGURE = Figure(
     name="s_alpha",
     title="threshold against the stiffness of the cortex",
-    source="SI, cortical resistance to compression",
+    source="SI, equation 72",
     parameters=Parameters.physical(),
     compute=compute,
     draw=draw,
