@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from amoeboid import InvalidInput, Parameters, figures
+from amoeboid.cli.main import main
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of, label, unit_of
@@ -135,3 +136,19 @@ def test_units_are_those_of_the_paper_only_where_they_hold():
     assert unit_of(Parameters(beta=0.5), "L/T") == "L/T"
     assert unit_of(Parameters.physical(), "L/T") == "um/s"
     assert label("v", "um^2/s") == "v [µm$^{2}$/s]"
+
+
+def test_list_of_figures_fits_a_terminal_of_80_columns(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["figure"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(figures.names()) + 2
+    assert max(map(len, lines)) <= 80
+
+
+def test_repr_of_a_table_names_columns_with_units_and_stays_short():
+    p = Parameters()
+    speed = {"v": column_of(p, np.zeros(1000), "L/T")}
+    assert repr(Table("squares", speed)) == "Table: squares\n1000 rows: v [R0 beta]"
+    many = {f"v_{k}": column_of(p, np.zeros(10), "L/T") for k in range(100)}
+    assert len(repr(Table("many", many))) < 1000

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -57,7 +58,10 @@ def column_of(p: Parameters, values: ArrayLike, dimension: str | None = None) ->
     return Column(np.asarray(magnitude(p, np.asarray(values), dimension)), unit_of(p, dimension))
 
 
-@dataclass(frozen=True, eq=False)
+REPR = 600  # largest length of a table's repr
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Table:
     """Columns of equal length, and what they are in a sentence."""
 
@@ -70,6 +74,11 @@ class Table:
 
     def __len__(self) -> int:
         return max((len(c.values) for c in self.columns.values()), default=0)
+
+    def __repr__(self) -> str:
+        names = ", ".join(titled(name, c.unit) for name, c in self.columns.items())
+        told = f"Table: {self.about}\n{len(self)} rows: {names}"
+        return told if len(told) <= REPR else f"{told[: REPR - 2]} …"
 
     def unit(self, name: str) -> str:
         """The unit of a column."""
@@ -128,7 +137,8 @@ class FigureData(Mapping[str, Table]):
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} ({len(table)} rows)" for name, table in self.tables.items())
-        return "\n".join([f"FigureData: {sizes}"[:300], *(n[:100] for n in self.notes[:5])])
+        notes = [textwrap.shorten(n, 130, placeholder=" …") for n in self.notes[:5]]
+        return "\n".join([f"FigureData: {sizes}"[:300], *notes])
 
 
 SYMBOLS = {

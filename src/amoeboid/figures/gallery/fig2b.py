@@ -69,7 +69,9 @@ def compute(p: Parameters, results: Results) -> FigureData:
             "fields": Table(
                 "perturbations in the plane of z, the axis, and x; rear at +z", columns
             ),
-            "cell": Table("size, amplitude of c, migration, and displacement in the time shown", cell),
+            "cell": Table(
+                "size, amplitude of c, migration, and displacement in the time shown", cell
+            ),
         },
         notes=(
             f"migration velocity {text(p, migration, 'L/T')} along z for dc_1 = "

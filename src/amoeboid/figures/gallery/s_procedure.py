@@ -280,7 +280,9 @@ def in_short(about: str) -> str:
 
 def _draw_key(panel: Any, row: float) -> None:
     """What the colors mean, in the free place below the shorter list."""
-    for k, (color, words) in enumerate(((PALE, "once per step"), (SKY, "until converged, ×n: calls per step"))):
+    for k, (color, words) in enumerate(
+        ((PALE, "once per step"), (SKY, "until converged, ×n: calls per step"))
+    ):
         panel.text(
             BOX[0],
             row - 1.5 + k,
