@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from amoeboid.runs.meshes import Icosphere, Surface
     from amoeboid.runs.snapshot import Snapshot
     from amoeboid.runs.solution import Solution, simulate
+    from amoeboid.runs.steady_cell import SteadyCell, steady_state
     from amoeboid.runs.stored import StoredRun, load
     from amoeboid.simulation.events import steady, time, when
     from amoeboid.simulation.loop import evolve, start
@@ -75,6 +76,7 @@ _HOMES = {
     "SpecialPoint": "studies.branch",
     "Spectrum": "runs.analysis",
     "State": "surface.state",
+    "SteadyCell": "runs.steady_cell",
     "SteadyState": "studies.states",
     "SteadyStates": "studies.states",
     "Step": "simulation.step",
@@ -102,6 +104,7 @@ _HOMES = {
     "smooth": "model.changes",
     "start": "simulation.loop",
     "steady": "simulation.events",
+    "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
     "theory": "studies.theory",
@@ -139,6 +142,7 @@ __all__ = [
     "SpecialPoint",
     "Spectrum",
     "State",
+    "SteadyCell",
     "SteadyState",
     "SteadyStates",
     "Step",
@@ -166,6 +170,7 @@ __all__ = [
     "smooth",
     "start",
     "steady",
+    "steady_state",
     "steady_states",
     "steps",
     "theory",
