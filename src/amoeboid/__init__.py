@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from amoeboid.model.stress import Stress
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
+    from amoeboid.runs.branches import branch
     from amoeboid.runs.meshes import Icosphere, Surface
     from amoeboid.runs.snapshot import Snapshot
     from amoeboid.runs.solution import Solution, simulate
@@ -39,7 +40,7 @@ if TYPE_CHECKING:
     from amoeboid.simulation.loop import evolve, start
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
-    from amoeboid.studies.branch import Branch, SpecialPoint, branch
+    from amoeboid.studies.branch import Branch, SpecialPoint
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
     from amoeboid.studies.theory import Theory, theory
@@ -85,7 +86,7 @@ _HOMES = {
     "Surface": "runs.meshes",
     "Theory": "studies.theory",
     "Time": "config",
-    "branch": "studies.branch",
+    "branch": "runs.branches",
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",

@@ -8,6 +8,7 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_picture, html_table, shown
@@ -24,9 +25,9 @@ from amoeboid.studies.states import steady_states
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
 from amoeboid.surface.rigid import rotation
-from amoeboid.surface.stability import Growth, leading_growth_rate
+from amoeboid.surface.stability import MAX_ERROR, Growth, leading_mode
 from amoeboid.surface.state import State
-from amoeboid.surface.steadiness import SLOW_ROTATION, UNSTABLE
+from amoeboid.surface.steadiness import SLOW_ROTATION
 from amoeboid.surface.steady import Found, NotSteady, steady_cell
 from amoeboid.validation import InvalidInput
 
@@ -35,6 +36,9 @@ MIN_KEPT = 0.1
 # A path turns if it does so faster than this, in units of rate: slower, the mesh turns it. It
 # climbs if its pitch angle is larger than this.
 MIN_TURNING, MIN_CLIMB = 1e-3, 1e-2
+
+PATH = {"turning": "1/T", "radius_of_curvature": "L", "torsion": "1/L", "growth_rate": "1/T"}
+"""Numbers of a steady cell beside its observables, with their dimensions."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -83,16 +87,12 @@ class SteadyCell(Snapshot):
     @property
     def radius_of_curvature(self) -> Any:
         """Radius of curvature of the path [L], infinite for a straight one."""
-        speed = float(np.linalg.norm(self._velocity))
-        found = speed / self._turning if self._turns else np.inf
-        return quantity(self.parameters, found, "L")
+        return quantity(self.parameters, self.number("radius_of_curvature"), "L")
 
     @property
     def torsion(self) -> Any:
         """Torsion of the path [1/L]: 0 for a circle, positive for a right-handed helix."""
-        square = float(self._velocity @ self._velocity)
-        found = float(self._angular_velocity @ self._velocity) / square if self._turns else 0.0
-        return quantity(self.parameters, found, "1/L")
+        return quantity(self.parameters, self.number("torsion"), "1/L")
 
     @property
     def _turns(self) -> bool:
@@ -109,11 +109,18 @@ class SteadyCell(Snapshot):
 
     @cached_property
     def _growth(self) -> Growth:
+        return self.growth(MAX_ERROR)[0]
+
+    def growth(self, max_error: float) -> tuple[Growth, NDArray[np.complex128] | None]:
+        """The fastest perturbation: its growth rate, to an error in units of the rate, and itself.
+
+        In plain numbers: a mode (2V,) holds c'/(c0 + c) and h/R0 at the nodes.
+        """
         x = self.state.r - volume_centroid(self.state.r, self.cell.faces)
         turning = self._angular_velocity
         v_c = self.flow.v_c - rotation(turning, x)
         relative = replace(self.flow, v_c=v_c)
-        return leading_growth_rate(self.model, self.state, relative, turning=turning)
+        return leading_mode(self.model, self.state, relative, max_error=max_error, turning=turning)
 
     @property
     def growth_rate(self) -> Any:
@@ -151,8 +158,22 @@ class SteadyCell(Snapshot):
         """Whether every perturbation is known to decay."""
         return self.stability == "stable"
 
+    @property
+    def known_stability(self) -> str | None:
+        """`stability` if it was asked for before, else None."""
+        return self.stability if "_growth" in self.__dict__ else None
+
     def number(self, name: str) -> float:
-        """An observable as a plain number in the units of the solver."""
+        """An observable, or a number of `PATH`, as a plain number in the units of the solver."""
+        if name == "growth_rate":
+            return float("nan") if self._growth.rate is None else self._growth.rate
+        if name == "turning":
+            return self._turning
+        if name == "radius_of_curvature":
+            return float(np.linalg.norm(self._velocity)) / self._turning if self._turns else np.inf
+        if name == "torsion":
+            square = float(self._velocity @ self._velocity)
+            return float(self._angular_velocity @ self._velocity) / square if self._turns else 0.0
         return OBSERVABLES[name].values(name, self.cell)[0]
 
     def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
@@ -191,8 +212,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
     `start`: where the iterations begin: a steady cell of other parameters, the `final` of a
     solution, a frame, an axisymmetric steady state, or an `InitialCell`; None: the fastest
     axisymmetric state, a stable one if there is one. An axisymmetric one is laid on `mesh`,
-    `Icosphere(n)` (3 if left out), the others have their own. Started from a cell on a circle or a helix, it finds such a cell with
-    its velocity and angular velocity. Unstable cells are found, too.
+    `Icosphere(n)` (3 if left out), the others have their own. From a cell on a circle or a helix
+    it finds such a cell, with its velocity and angular velocity. Unstable cells are found, too.
 
     Raises InvalidInput where the iterations lead to no steady cell, or from a polarized cell to
     the homogeneous one: a nearer start is needed then.

@@ -20,10 +20,10 @@ from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import ImplicitMap
 from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_plane, steady_cell
 
-# Iterations that a step aims at, and by how much one step may turn away from the one before
-# (the cosine); where there are more, or it turns further, steps become shorter.
-ITERATIONS, MIN_COSINE = 14, 0.8
-MAX_GROWTH, MIN_GROWTH = 1.5, 0.6
+# After a step of few iterations the next one is longer by this factor, after one of many shorter.
+FEW, LONGER, MANY, SHORTER = 16, 1.5, 45, 0.7
+# One step may turn away from the one before by an angle with at least this cosine.
+MIN_COSINE = 0.8
 # The shortest step as a share of the longest, and the first.
 SHORTEST, FIRST = 1e-3, 0.3
 # A fold is sought until q changes by less than this share of its scale.
@@ -72,7 +72,8 @@ def branch_from(
 ) -> Followed:
     """The branch from `first` through `second` until it leaves the window or meets the sphere."""
     low, high = sorted(window)
-    points, folds, origins = [(0.0, first)], [], ()
+    points, folds = [(0.0, first)], list[tuple[float, Found]]()
+    origins: tuple[float, ...] = ()
     complete, message = False, f"it has more than {options.max_points} points"
     try:
         for length, found in follow(model_at, first, second, options):
@@ -105,15 +106,17 @@ def follow(
     iteration = around(second.model, second.cell)
     length = _lengths(iteration, past, options.scale)[0]
     yield -length, second
-    length, step = -length, min(options.max_step, -length * MAX_GROWTH)
+    length, step = -length, min(options.max_step, -length * LONGER)
     while True:
         found, taken = _next(model_at, iteration, past[-3:], step, options)
         past.append(found)
         iteration = around(found.model, found.cell)
         length -= _lengths(iteration, past[-2:], options.scale)[0]
         yield length, found
-        factor = np.clip(ITERATIONS / found.iterations, MIN_GROWTH, MAX_GROWTH)
-        step = min(options.max_step, float(factor) * taken)
+        factor = LONGER if found.iterations <= FEW else 1.0
+        if found.iterations > MANY:
+            factor = SHORTER
+        step = float(np.clip(factor * taken, SHORTEST * options.max_step, options.max_step))
 
 
 def _next(

@@ -1,9 +1,9 @@
 """Steady cells on a mesh, solved for by accelerated iterations instead of waited for in a run.
 
 The fixed points of `relative_equilibrium.ImplicitMap` are found with Anderson acceleration. Along a
-branch the parameter q joins the unknowns x, and a plane is given that holds (x, q): pseudo-arclength
-(H. B. Keller, in *Applications of Bifurcation Theory*, 1977). Whether a cell is stable plays no part
-in it.
+branch the parameter q joins the unknowns x, and a plane is given that holds (x, q):
+pseudo-arclength (H. B. Keller, in *Applications of Bifurcation Theory*, 1977). Whether a cell is
+stable plays no part in it.
 """
 
 from __future__ import annotations
@@ -162,7 +162,9 @@ def iterated(
     # q enters as the root mean square of the unknowns does
     unit = scale / np.sqrt(n)
     next_of, y = Acceleration(DEPTH, n + 1), np.concatenate([z[:n], [q / unit], z[n:]])
-    for count in range(1, MAX_ITERATIONS + 1):
+    count = 0
+    while count < MAX_ITERATIONS:
+        count += 1
         x, q = y[:n], float(y[n] * unit)
         after = q
         try:
