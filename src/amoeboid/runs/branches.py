@@ -29,9 +29,9 @@ from amoeboid.studies.branch import (
     checked_options,
     checked_window,
 )
-from amoeboid.studies.columns import Column, column
+from amoeboid.studies.columns import Column, column, physical_number, titled
 from amoeboid.studies.states import steady_states
-from amoeboid.surface.branches import FIRST, Followed, Options, branch_from
+from amoeboid.surface.branches import FIRST, MIN_POLARITY, Followed, Options, branch_from
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
 from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_plane
@@ -62,6 +62,34 @@ class CellBranch(Branch):
     `growth_rate`. Where `branch` was told to leave the stability out, that of a state is found when
     it is asked for, and there are no bifurcations.
     """
+
+    def rows(
+        self, states: Sequence[Any], names: Sequence[str]
+    ) -> tuple[list[str], list[list[str]]]:
+        """Titles and cells of a table of cells: observables, turning, stability, growth rate."""
+        p = self.parameters
+        shown = (*names, "turning", "growth_rate")
+        columns = [
+            column(p, [state.number(name) for state in states], self.dimension(name))
+            for name in shown
+        ]
+        titles = [
+            titled(name, "" if p.units is None else c.unit)
+            for name, c in zip(shown, columns, strict=True)
+        ]
+        cells = zip(*(c.texts for c in columns), (s.stability for s in states), strict=True)
+        return [*titles, "stability"], [list(row) for row in cells]
+
+    def stability_of(self, state: Any, neutral: int | None = -1) -> dict[str, Any]:
+        """What programs read of the stability of a cell, and of its path."""
+        p, rate = self.parameters, state.number("growth_rate")
+        rate = None if np.isnan(rate) else physical_number(p, rate, "1/T")
+        return {
+            "path": state.path,
+            "turning": physical_number(p, state.number("turning"), "1/T"),
+            "stable": state.stable if neutral == -1 else None,
+            "growth_rate": rate,
+        }
 
     def _stable_count(self, piece: Sequence[Any]) -> str:
         unknown = sum(state.known_stability is None for state in piece)
@@ -120,9 +148,10 @@ def branch(
     begin with.
 
     >>> import amoeboid as am
-    >>> found = am.branch(am.Parameters(D=0.4), "v_p0", 0, 6.5, mesh=am.Icosphere(1))
+    >>> p, mesh = am.Parameters(D=0.4), am.Icosphere(2)
+    >>> found = am.branch(p, "v_p0", 5.5, 6.5, mesh=mesh, stability=False)
     >>> found.complete, len(found.folds)
-    (True, 1)
+    (True, 0)
     """
     if mesh is None and through is None:
         return axisymmetric.branch(
@@ -181,7 +210,7 @@ class _Traced:
         for q in reversed(self.window):
             at = self.p.replace(**{self.name: q})
             state = steady_states(at, (1,))[-1]
-            if state.number("polarity") > 0.0:
+            if state.number("polarity") > MIN_POLARITY:
                 return (*started(at, mesh, state), q)
         raise InvalidInput(
             f"a branch of 3D cells must begin at a polarized state at an end of its window, "
@@ -223,15 +252,16 @@ class _Traced:
 
     def shown(self, parts: Sequence[Followed], stability: bool) -> CellBranch:
         """The branch as users see it, its parts joined at the first cell."""
-        begin = parts[-1].points[-1][0] if len(parts) == 2 else 0.0
-        points = [*parts[0].points]
-        folds = [*parts[0].folds]
-        if len(parts) == 2:
-            points = [(begin + length, found) for length, found in points][1:]
-            folds = [(begin + length, found) for length, found in folds]
-            back, turned = parts[1].points, parts[1].folds
-            points = [*((begin - length, found) for length, found in reversed(back)), *points]
-            folds = [*((begin - length, found) for length, found in reversed(turned)), *folds]
+        points, folds = [*parts[-1].points], [*parts[-1].folds]
+        if len(parts) == 2:  # the first one leads back to the start of the window
+            back, begin = parts[0], parts[0].points[-1][0]
+            points, folds = (
+                [
+                    *((begin - length, found) for length, found in reversed(behind)),
+                    *((begin + length, found) for length, found in ahead),
+                ]
+                for behind, ahead in ((back.points[1:], points), (back.folds, folds))
+            )
         lengths = tuple(length for length, _ in points)
         cells = tuple(shown_cell(found) for _, found in points)
         special = [

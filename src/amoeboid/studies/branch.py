@@ -34,7 +34,7 @@ from amoeboid.studies.columns import (
     value_of,
     with_units,
 )
-from amoeboid.studies.states import SHOWN, SteadyState, states_columns
+from amoeboid.studies.states import SHOWN, SteadyState, states_columns, states_rows
 from amoeboid.validation import InvalidInput
 
 FOLD, HOPF, BIFURCATION = "fold", "Hopf bifurcation", "bifurcation"
@@ -233,6 +233,23 @@ class Branch:
         if len(self.pieces) > MAX_LISTED:
             lines.append(f"... and {len(self.pieces) - MAX_LISTED} more pieces")
         return "\n".join([*lines, *(f"- {t}" for t in shortened(self.problems, 2, "problems"))])
+
+    def rows(
+        self, states: Sequence[Any], names: Sequence[str]
+    ) -> tuple[list[str], list[list[str]]]:
+        """Titles and cells of a table of states with these observables and their stability."""
+        return states_rows(states, names)
+
+    def stability_of(self, state: Any, neutral: int | None = -1) -> dict[str, Any]:
+        """What programs read of the stability of a state.
+
+        Where it is a special point, `neutral` is its m: of that mode nothing is said.
+        """
+        counts = state.unstable_modes.items()
+        return {
+            "stable": state.stable if neutral == -1 else None,
+            "unstable_modes": {str(m): None if m == neutral else count for m, count in counts},
+        }
 
     def _stable_count(self, piece: Sequence[Any]) -> str:
         return f", {sum(state.stable for state in piece)} of them stable"
