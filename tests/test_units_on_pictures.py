@@ -4,13 +4,13 @@ import re
 
 import numpy as np
 import pytest
-import pyvista as pv
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.plotting import branches, cell, cell_process
+from amoeboid.plotting.canvas import Canvas
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.studies.branch import branch
@@ -78,17 +78,11 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     *_, last = evolve(start(Config(parameters=p, mesh=Mesh(subdivisions=1), initial=initial)),
                       Time(end=0.5))  # fmt: skip
     written = []
-    label = cell_process._label
-    monkeypatch.setattr(
-        cell_process, "_label", lambda plotter, place, text, color: (
-            written.append(text), label(plotter, place, text, color))[1]
-    )  # fmt: skip
-    plotter = pv.Plotter(off_screen=True)
-    cell_process._add_cell(plotter, {k: np.asarray(v) for k, v in cell.scene(last).items()})
-    written.extend(plotter.scalar_bars.keys())
-    written.extend(a.GetInput() for a in plotter.actors.values() if hasattr(a, "GetInput")
-                   and isinstance(a.GetInput(), str))  # fmt: skip
-    plotter.close()
+    text = Canvas.text
+    monkeypatch.setattr(Canvas, "text", lambda *given: (written.append(given[2]), text(*given))[1])
+    cell_process.draw(
+        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last).items()}
+    )
     cell.save_cell_picture(tmp_path / "cell.png", last)
     assert "front" in written
     assert f"{0.5 * scale:g} [L]" in written
@@ -96,6 +90,7 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     assert any(text.strip().endswith("[N/L^2]") for text in written)
     assert "t = 0.5 [T]" in written
     assert np.ptp(imread(tmp_path / "cell.png")[..., :3]) > 0.5
+    assert np.array_equal(imread(tmp_path / "cell.png"), imread(tmp_path / "here.png"))
 
 
 def test_scale_bars_have_round_lengths():

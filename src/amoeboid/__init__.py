@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from amoeboid import figures
     from amoeboid.closed_forms.branch import prediction
     from amoeboid.closed_forms.linear import growth_rate, thresholds
     from amoeboid.closed_forms.points import points
@@ -90,6 +91,7 @@ _HOMES = {
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
+    "figures": "figures",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
     "observable": "observables",
@@ -156,6 +158,7 @@ __all__ = [
     "config_from_toml",
     "config_to_toml",
     "evolve",
+    "figures",
     "growth_rate",
     "load",
     "observable",
@@ -184,7 +187,8 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in _HOMES:
         raise AttributeError(f"module 'amoeboid' has no attribute {name!r}")
-    return getattr(import_module(f"amoeboid.{_HOMES[name]}"), name)
+    home = import_module(f"amoeboid.{_HOMES[name]}")
+    return home if _HOMES[name] == name else getattr(home, name)
 
 
 def __dir__() -> list[str]:

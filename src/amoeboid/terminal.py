@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
-from typing import Any, TextIO
+from typing import Any, Protocol, TextIO
 
 Show = Callable[[Sequence[str]], None]
 
@@ -41,6 +41,24 @@ def write(stream: TextIO | None, text: str) -> None:
             raise
 
 
+class Line(Protocol):
+    """A line that shows parts, each time in place of what it showed before."""
+
+    def show(self, parts: Sequence[str]) -> None:
+        """Show parts, as many as fit."""
+
+    def erase(self) -> None:
+        """Show nothing."""
+
+
+def progress_line() -> Line | None:
+    """A line to show progress in; None where there is no place for it."""
+    if is_terminal(sys.stderr):
+        return _TerminalLine(sys.stderr)
+    display = _notebook()
+    return None if display is None else _NotebookLine(display)
+
+
 @contextmanager
 def shown_line(after: float = 0.0) -> Iterator[Show | None]:
     """A function that shows a line made of parts; None where there is no place for it.
@@ -48,11 +66,8 @@ def shown_line(after: float = 0.0) -> Iterator[Show | None]:
     Nothing is shown in the first `after` seconds. Parts that do not fit are left out from the last;
     none is cut. The line is erased at the end.
     """
-    if is_terminal(sys.stderr):
-        line: _TerminalLine | _NotebookLine = _TerminalLine(sys.stderr)
-    elif (kernel := _notebook()) is not None:
-        line = _NotebookLine(kernel)
-    else:
+    line = progress_line()
+    if line is None:
         yield None
         return
     latest = time.monotonic() + after - BETWEEN

@@ -1,16 +1,20 @@
 import errno
 import os
+import shutil
 import subprocess
 import sys
 import warnings
 
-import numba.core.caching
 import numba.core.config
 import numpy as np
 import pytest
 
+from amoeboid.meshes.connectivity import icosphere
+from amoeboid.meshes.geometry import _geometry
 from amoeboid.numerics import compiled as module
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics import kept
+from amoeboid.numerics.compiled import compiled, nested
+from amoeboid.numerics.kernel_identity import identity
 
 
 def double(x):
@@ -19,26 +23,32 @@ def double(x):
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """Where numba keeps kernels."""
+    """Where kernels are kept."""
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path))
     monkeypatch.setattr(module, "_said", set())
     return tmp_path
 
 
-def kept(folder):
-    return sorted(p for p in folder.rglob("*") if p.suffix in (".nbi", ".nbc"))
+def kernels(folder):
+    return sorted(folder.rglob("*.kernel"))
+
+
+def program(code, **environment):
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env=os.environ | environment,
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
 
 
 def test_kernels_compile_where_nothing_can_be_written():
-    """A program of its own, in which numba is left no place for its cache."""
+    """A program of its own, which is left no place for its kernels."""
     code = (
-        "from numba.core.caching import CacheImpl\n"
-        "CacheImpl._locator_classes = []\n"
         "from amoeboid.meshes.geometry import geometry\n"
         "from amoeboid.meshes.connectivity import icosphere\n"
         "assert abs(geometry(*icosphere(1)).area - 11.666) < 1e-3\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    done = program(code, NUMBA_CACHE_DIR=os.devnull)
     assert done.returncode == 0, done.stderr
     assert done.stderr.count("compiled kernels cannot be kept in '") == 1
     assert "set NUMBA_CACHE_DIR" in done.stderr
@@ -53,13 +63,15 @@ def test_kernels_are_kept_on_disk(folder):
     assert sum(again.stats.cache_hits.values()) == 1
 
 
-@pytest.mark.parametrize("content", [b"", b"\x80", "half", b"not a pickle"], ids=str)
-@pytest.mark.parametrize("suffix", [".nbi", ".nbc"])
-def test_damaged_files_are_compiled_anew_and_replaced(suffix, content, folder):
+@pytest.mark.parametrize("content", [b"", b"\x80", "half", b"not a pickle", "one bit"], ids=str)
+def test_damaged_files_are_compiled_anew_and_replaced(content, folder):
     assert compiled(double)(np.float64(3.0)) == 6.0
-    (damaged,) = (p for p in kept(folder) if p.suffix == suffix)
+    (damaged,) = kernels(folder)
     whole = damaged.read_bytes()
-    damaged.write_bytes(whole[: len(whole) // 2] if content == "half" else content)
+    one_bit = whole[:-1000] + bytes([whole[-1000] ^ 1]) + whole[-999:]
+    damaged.write_bytes(
+        {"half": whole[: len(whole) // 2], "one bit": one_bit}.get(content, content)
+    )
     with pytest.warns(RuntimeWarning, match="cannot be read .*compiled anew") as told:
         assert compiled(double)(np.float64(3.0)) == 6.0
     assert str(folder) in str(told[0].message)
@@ -74,7 +86,7 @@ def test_a_full_disk_is_reported_once_and_costs_time_only(folder, monkeypatch):
     def full(*_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr(numba.core.caching.IndexDataCacheFile, "_save_data", full)
+    monkeypatch.setattr(kept, "_write", full)
     kernel = compiled(double)
     with pytest.warns(RuntimeWarning, match=r"cannot be kept .*No space left") as told:
         assert [kernel(np.float64(3.0)), kernel(np.int64(3))] == [6.0, 6]
@@ -86,8 +98,8 @@ def test_a_folder_that_cannot_be_read_costs_time_only(folder, monkeypatch):
     def refused(*_):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
-    for name in ("_load_index", "_save_index"):
-        monkeypatch.setattr(numba.core.caching.IndexDataCacheFile, name, refused)
+    for name in ("load", "_write"):
+        monkeypatch.setattr(kept, name, refused)
     with pytest.warns(RuntimeWarning, match=r"Permission denied") as told:
         assert compiled(double)(np.float64(3.0)) == 6.0
     assert len(told) == 1
@@ -99,9 +111,116 @@ def test_kernels_are_compiled_where_numba_is_switched_off():
         "from amoeboid import Config, Mesh, start\n"
         "assert start(Config(mesh=Mesh(subdivisions=1))).rate > 0\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
-        capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    done = program(code, NUMBA_DISABLE_JIT="1")
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_kernel_is_compiled_anew_once_what_it_calls_or_uses_has_changed():
+    """numba by itself looks at the file of the kernel only."""
+
+    def made(factor, called):
+        inner = nested(called)
+
+        def outer(x):
+            return factor * inner(x)
+
+        return identity(outer)
+
+    same = made(2.0, lambda x: x + 1)
+    assert made(2.0, lambda x: x + 1) == same
+    others = made(3.0, lambda x: x + 1), made(2.0, lambda x: x - 1), made(2.0, lambda x: x + 2)
+    assert len({same, *others}) == 4
+
+
+def test_names_of_kernels_are_the_same_in_every_program():
+    code = (
+        "from amoeboid.numerics.sparse.cholesky import _factorized\n"
+        "print(_factorized._cache._name('signature', _factorized.targetctx))\n"
+    )
+    names = [program(code, PYTHONHASHSEED=seed).stdout for seed in ("1", "2")]
+    assert names[0] == names[1] != ""
+
+
+def test_programs_that_start_together_compile_a_kernel_once(folder):
+    code = (
+        "from amoeboid.meshes.geometry import area\n"
+        "from amoeboid.meshes.connectivity import icosphere\n"
+        "from amoeboid.meshes import geometry\n"
+        "area(*icosphere(1))\n"
+        "kernels = [k for k in vars(geometry).values() if hasattr(k, 'stats')]\n"
+        "print(sum(sum(k.stats.cache_misses.values()) for k in kernels))\n"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(folder)}
+    start = [
+        subprocess.Popen(
+            [sys.executable, "-c", code],
+            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )
+        for _ in range(4)
+    ]  # fmt: skip
+    said = [process.communicate() for process in start]
+    assert [err for _, err in said] == [""] * 4
+    assert sum(int(out) for out, _ in said) == len(kernels(folder))
+
+
+def test_a_program_that_is_killed_while_it_compiles_leaves_its_turn_to_others(folder):
+    kept.folder().mkdir(parents=True)
+    code = (
+        "import fcntl, os, signal\n"
+        f"file = open({str(kept.folder() / kept.LOCK)!r}, 'ab')\n"
+        "fcntl.flock(file, fcntl.LOCK_EX)\n"
+        "os.kill(os.getpid(), signal.SIGKILL)\n"
+    )
+    assert program(code).returncode == -9
+    assert compiled(double)(np.float64(3.0)) == 6.0
+
+
+def test_kernels_of_the_build_are_used_and_give_the_same_bits(folder, tmp_path, monkeypatch):
+    """Compiled for processors with AVX2 and no more, as for a wheel that is to run on many."""
+    r, faces = icosphere(2)
+    built = tmp_path / "built"
+    code = (
+        "from amoeboid.meshes.geometry import geometry\n"
+        "from amoeboid.meshes.connectivity import icosphere\n"
+        "r, faces = icosphere(2)\n"
+        "geometry(r * [1.0, 1.2, 0.9], faces)\n"
+    )
+    many = {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": "+avx2,+fma"}
+    done = program(code, NUMBA_CACHE_DIR=str(built), **many)
+    assert done.returncode == 0, done.stderr
+    (made,) = built.glob("amoeboid/*")
+    monkeypatch.setattr(kept, "BUILT", made)
+    kept._runs.cache_clear()
+    again = compiled(_geometry.py_func)
+    there = again(r * [1.0, 1.2, 0.9], faces)
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert not kernels(folder / "amoeboid")
+    monkeypatch.setattr(kept, "BUILT", tmp_path / "none")
+    kept._runs.cache_clear()
+    anew = compiled(_geometry.py_func)
+    for a, b in zip(there, anew(r * [1.0, 1.2, 0.9], faces), strict=True):
+        assert np.array_equal(a, b)
+    assert sum(anew.stats.cache_hits.values()) == 0
+    kept._runs.cache_clear()
+
+
+def test_kernels_for_other_processors_are_left_alone(folder, tmp_path, monkeypatch):
+    kernel = compiled(double)
+    assert kernel(np.float64(3.0)) == 6.0
+    built = tmp_path / "built"
+    shutil.move(kernels(folder)[0].parent, built)
+    (built / kept.PROCESSOR).write_text("x86_64 other\n+avx2,+of-a-later-year\n")
+    monkeypatch.setattr(kept, "BUILT", built)
+    kept._runs.cache_clear()
+    again = compiled(double)
+    assert again(np.float64(3.0)) == 6.0
+    assert sum(again.stats.cache_hits.values()) == 0
+    kept._runs.cache_clear()
+
+
+def test_old_versions_of_a_kernel_are_removed(folder, monkeypatch):
+    monkeypatch.setattr(kept, "MAX_VERSIONS", 2)
+    kernel = compiled(double)
+    for number in (np.float64(1.0), np.int64(1), np.float32(1.0), np.int32(1)):
+        kernel(number)
+    assert len(kernels(folder)) == 2

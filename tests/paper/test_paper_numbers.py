@@ -1,12 +1,10 @@
-"""Every number printed in the paper: as printed, as derived, and the erratum where they differ.
+"""Derived numbers to many digits, and what the paper's printed numbers say about one another.
 
-"SI" is the paper's supplement; names in backquotes are LaTeX labels. A printed number stands for
-the interval that rounds to it. Titles of errata are headings of docs/errata.md.
+Every printed number is compared with the derived one in `test_paper_page`. "SI" is the paper's
+supplement. Titles of errata are headings of docs/errata.md.
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +12,7 @@ import pytest
 
 from amoeboid.closed_forms.amplitude import bifurcation, cubic_coefficient
 from amoeboid.closed_forms.branch import next_steady_amplitude, prediction
-from amoeboid.closed_forms.dimensionless import dimensionless, viscosity_ratio
+from amoeboid.closed_forms.dimensionless import dimensionless
 from amoeboid.closed_forms.linear import critical_speed, finite_pressure_rates, thresholds
 from amoeboid.closed_forms.monomers import ExponentialDecay, monomer_ratio, speed_coefficients
 from amoeboid.closed_forms.points import infinite_pressure
@@ -24,22 +22,6 @@ from amoeboid.model.units import in_unit, magnitude
 
 ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"
 TABLE = Parameters()
-
-
-@dataclass(frozen=True)
-class Printed:
-    """value: as printed, a text so that its digits count; where: the place; derived: our value."""
-
-    value: str
-    where: str
-    derived: Callable[[], float]
-    erratum: str = ""
-
-    @property
-    def rounding(self):
-        mantissa, _, exponent = self.value.partition("e")
-        decimals = len(mantissa.partition(".")[2])
-        return 0.5 * 10.0 ** (int(exponent or 0) - decimals)
 
 
 def cell(quantity="critical", **changes):
@@ -69,45 +51,6 @@ def in_vitro():
 
 
 H = 0.19  # um, cortex thickness
-FORMULA = "The threshold with elastic resistance"
-STIFFNESS = "The size of the elastic resistance"
-
-RESULTS = [
-    Printed("0.19", "SI table: v_p bar", lambda: float(dimensionless(TABLE).v_p)),
-    Printed("0.03", "SI table: D bar", lambda: float(dimensionless(TABLE).D)),
-    Printed("3", "SI table: c0 bar", lambda: float(dimensionless(TABLE).c0)),
-    Printed("1", "SI table: eta bar", lambda: float(viscosity_ratio(TABLE))),
-    Printed("1.5", "SI, parameters: v_p^c in um/s", cell),
-    Printed("0.17", "SI, parameters: v_0 in um/s", lambda: cell("at threshold")),
-    Printed("0.17", "the same with the prefactor of `eq_v0_epsilon`, at v_p0",
-            lambda: cell("at v_p0"), "The prefactor of the flow speed"),
-    Printed("560", "SI, monomers: 6700 filaments in 12 um^2", lambda: 10 * round(6700 / 12 / 10)),
-    Printed("32.2", "SI `eqV1Numbers`: V_1 in nm/s",
-            lambda: 1e3 * speed_coefficients(in_vitro(), H, 560.0)[1]),
-    Printed("0", "SI `eqV1`: V_0", lambda: speed_coefficients(in_vitro(), H, 560.0)[0]),
-    Printed("0.61", "main text and SI `eqRatioInVitro`",
-            lambda: float(monomer_ratio(in_vitro().mu_0, H, 560.0))),
-    Printed("0.71", "main text and SI `eqRatioInVivo`",
-            lambda: float(monomer_ratio(magnitude("8.5 umol/l", "1/um^3"), H, 1370.0))),
-    Printed("1.4e-19", "SI, elastic resistance: alpha in Pa m^3", elastic_resistance, STIFFNESS),
-    Printed("1.77", "SI, elastic resistance: v_p^c in um/s",
-            lambda: cell(alpha=f"{elastic_resistance()} Pa m^3"), FORMULA),
-    Printed("21", "SI, elastic resistance: increase of v_p^c in percent",
-            lambda: 100 * (cell(alpha=f"{elastic_resistance()} Pa m^3") / cell() - 1), FORMULA),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("number", RESULTS, ids=lambda n: n.where)
-def test_printed_result(number):
-    off = abs(number.derived() - float(number.value))
-    slack = 1e-12 * abs(float(number.value))
-    if number.erratum:
-        assert off > number.rounding, "no longer differs: drop the erratum"
-        assert f"## {number.erratum}\n" in ERRATA.read_text(encoding="utf-8")
-    else:
-        assert off <= number.rounding + slack
-
-
 # Derived values to more digits than the paper prints; each from this code's closed forms, which
 # tests/theory derives from the model. They guard against drift.
 VALUES = [
@@ -147,36 +90,6 @@ def test_the_printed_1_77_and_21_percent_come_from_the_missing_factor():
     assert 100 * (wrong / cell() - 1) == pytest.approx(21, abs=0.5)
     # With the printed alpha instead, neither formula gives 1.77.
     assert cell(alpha="1.4e-19 Pa m^3") > 1.9
-
-
-INPUTS = {
-    "R0": 1.0, "delta_P": 300.0, "eta_s": 1.0, "eta_b": 1.0, "c0": 3.0, "c_r": 1.0,
-    "beta": 1.0, "D": 0.03, "v_p0": 3.8,
-}  # fmt: skip
-
-
-@pytest.mark.parametrize(("name", "printed"), INPUTS.items())
-def test_simulation_column_of_the_table(name, printed):
-    assert getattr(TABLE, name) == printed
-
-
-# (parameter, low, high, unit) of the last column of SI table `tab_params`, and single values.
-RANGES = [
-    ("R0", 10, 10, "um"),
-    ("delta_P", 300, 700, "Pa"),
-    ("eta_s", 2.7, 2.7, "mPa s m"),
-    ("eta_b", 2.7, 2.7, "mPa s m"),
-    ("c0", 100, 1400, "1/um^2"),
-    ("beta", 0.1, 0.1, "1/s"),
-    ("D", 0.03, 0.03, "um^2/s"),
-    ("v_p0", 5e-3, 3, "um/s"),
-]
-
-
-@pytest.mark.parametrize(("name", "low", "high", "unit"), RANGES)
-def test_paper_cell_lies_in_the_physical_column(name, low, high, unit):
-    value = magnitude(PAPER_CELL[name], unit)
-    assert low * (1 - 1e-12) <= value <= high * (1 + 1e-12)
 
 
 def test_thresholds_of_the_cell_lie_in_the_range_of_polymerization_speeds():

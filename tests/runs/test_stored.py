@@ -96,7 +96,7 @@ def test_frames_have_the_parameters_of_their_time(tmp_path):
         lambda data: data[:200],
         lambda data: b"",
         lambda data: data.replace(b'Name="c"', b'Name="d"'),
-        lambda data: data.replace(b"UInt32", b"UInt64"),
+        lambda data: data.replace(b"UInt64", b"UInt32"),
         lambda data: data[:-900] + b"A" * 400 + data[-500:],
         lambda data: data.replace(b'type="Float64" Name="c"', b'type="Float16" Name="c"'),
     ],

@@ -75,6 +75,17 @@ def test_active_stress_makes_one_velocity_equal_to_two(tensors):
     assert one == pytest.approx(np.swapaxes(one, -1, -2), abs=1e-11)
 
 
+def test_gradient_of_a_normal_velocity_is_its_speed_times_the_curvature(tensors):
+    """SI `activestress1` and `activestress2`, with H = div_s n."""
+    normal, grad_v, grad_v_c, grad_n, v_p, _ = tensors
+    growth = grad_v - grad_v_c  # of v_p n, by its definition
+    H = np.trace(grad_n, axis1=-2, axis2=-1)
+    assert np.trace(growth, axis1=-2, axis2=-1) == pytest.approx(v_p * H, abs=1e-11)
+    projector = np.eye(3) - normal[:, :, None] * normal[:, None, :]
+    assert growth @ projector == pytest.approx(v_p[:, None, None] * grad_n, abs=1e-11)
+    assert grad_n == pytest.approx(np.swapaxes(grad_n, -1, -2), abs=1e-11)
+
+
 def axisymmetric_shape():
     return 1 + model.legendre(2) / 4 + model.legendre(3) / 6
 

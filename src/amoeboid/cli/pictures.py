@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import logging
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
 PLOT_FAILS = "Exit code 1 if the picture of --plot cannot be drawn; results are printed before."
+Draw = Callable[[Path], object]
 SUFFIXES = (".png", ".pdf", ".svg")
 
 
@@ -32,18 +34,32 @@ def check_picture(path: Path | None) -> None:
         )
 
 
-def drawn(command: str, path: Path, draw: Callable[[Path], object]) -> bool:
+def drawn(command: str, path: Path, draw: Draw) -> bool:
     """Let `draw` write a picture to `path`; if it fails, that is one message, and False."""
+    return drawn_together(command, {path: draw})
+
+
+def drawn_together(command: str, pictures: Mapping[Path, Draw]) -> bool:
+    """The same for several at a time: all but the first are to be drawn by processes of theirs."""
     # of fonts and caches that a file of settings or a folder lacks
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    (path, draw), *others = pictures.items()
+    with _no_backend(), ThreadPoolExecutor() as threads:
+        waiting = [threads.submit(_problem, *picture) for picture in others]
+        problems = [_problem(path, draw), *(picture.result() for picture in waiting)]
+    for where, problem in zip(pictures, problems, strict=True):
+        if problem:
+            tell(command, f"the picture {str(where)!r} could not be drawn: {problem}")
+    return not any(problems)
+
+
+def _problem(path: Path, draw: Draw) -> str:
+    """Draw; what went wrong, empty if nothing did."""
     try:
-        with _no_backend():
-            draw(path)
+        draw(path)
     except Exception as error:  # drawing packages raise whatever they meet, at their import too
-        what = " ".join(str(error).split()) or type(error).__name__
-        tell(command, f"the picture {str(path)!r} could not be drawn: {what}")
-        return False
-    return True
+        return " ".join(str(error).split()) or type(error).__name__
+    return ""
 
 
 @contextmanager

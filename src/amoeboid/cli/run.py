@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import drawn
+from amoeboid.cli.pictures import drawn_together
 from amoeboid.cli.settings import add_settings, field_table, print_json, say_parameters
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, with_settings
@@ -208,11 +208,14 @@ def _draw(run: RunFolder, last: Step) -> None:
     times = [row["t"] for row in run.rows]
     positions = [[row[k] for k in POSITION] for row in run.rows]
     R0 = last.model.parameters.R0
-    drawn("run", run.folder / "cell.png", lambda path: save_cell_picture(path, last))
-    drawn(
+    drawn_together(
         "run",
-        run.folder / "trajectory.png",
-        lambda path: save_trajectory_picture(path, times, positions, R0),
+        {
+            run.folder / "trajectory.png": lambda path: save_trajectory_picture(
+                path, times, positions, R0
+            ),
+            run.folder / "cell.png": lambda path: save_cell_picture(path, last),
+        },
     )
 
 

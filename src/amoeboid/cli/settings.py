@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import re
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -96,10 +97,15 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
     With `--physical` they start from the paper's cell, and values have units. Raises InvalidInput
     for any other field of the configuration: it would change nothing.
     """
-    if args.physical:
-        return Parameters.physical(**quantities(args.settings))
-    start = Config(parameters=Parameters())
-    for setting in args.settings:
+    return parameters_from(args.settings, args.physical, Parameters())
+
+
+def parameters_from(settings: Sequence[str], physical: bool, base: Parameters) -> Parameters:
+    """The same from `base`, or from the paper's cell. Raises InvalidInput."""
+    if physical:
+        return Parameters.physical(**quantities(settings))
+    start = Config(parameters=base)
+    for setting in settings:
         section, dot, _ = setting.partition("=")[0].strip().partition(".")
         if dot and section not in ("parameters", *RELATIONS):
             with_settings(start, [setting])  # what is no field at all is refused as such
@@ -107,10 +113,10 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
                 f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` uses "
                 "it; leave it out"
             )
-    return with_settings(start, args.settings).parameters
+    return with_settings(start, settings).parameters
 
 
-def quantities(settings: list[str]) -> dict[str, str]:
+def quantities(settings: Sequence[str]) -> dict[str, str]:
     """{name: text} from name=value settings; values keep their units. Raises InvalidInput."""
     found = {}
     for setting in settings:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
 
 from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
@@ -87,6 +86,8 @@ def _sample(function: Function, x: float) -> float:
 
 
 def _bracketed(function: Function, low: float, high: float) -> list[float]:
+    from scipy.optimize import brentq  # takes long to import, and few runs ask for a root
+
     def scalar(v: float) -> float:
         return _sample(function, v)
 
@@ -100,6 +101,8 @@ def _bracketed(function: Function, low: float, high: float) -> list[float]:
 
 
 def _about_extremum(function: Function, low: float, high: float, sign: float) -> list[float]:
+    from scipy.optimize import minimize_scalar
+
     def distance(v: float) -> float:
         return sign * _sample(function, v)
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.geometry import volume_centroid
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 
 GRID = 2**29 - 1
 # Least share of the product of the distances of its corners that the volume between the center and
@@ -99,7 +99,7 @@ def _first_meeting(nodes, faces, low, high):  # type: ignore[no-untyped-def]
     return -1, -1
 
 
-@compiled
+@nested
 def _meet(nodes, first, second):  # type: ignore[no-untyped-def]
     """Whether two triangles meet elsewhere than in the nodes that they share."""
     common = 0
@@ -135,7 +135,7 @@ def _meet(nodes, first, second):  # type: ignore[no-untyped-def]
     return True
 
 
-@compiled
+@nested
 def _beside(nodes, first, second):  # type: ignore[no-untyped-def]
     """Whether all corners of `second`, but for common ones, are clearly on one side of `first`.
 
@@ -161,7 +161,7 @@ def _beside(nodes, first, second):  # type: ignore[no-untyped-def]
     return not (above and below)
 
 
-@compiled
+@nested
 def _edge_meets(nodes, i, j, triangle):  # type: ignore[no-untyped-def]
     """Whether the edge from node i to node j and the triangle have a point in common."""
     a, b, c = triangle[0], triangle[1], triangle[2]
@@ -176,7 +176,7 @@ def _edge_meets(nodes, i, j, triangle):  # type: ignore[no-untyped-def]
     return (x >= 0 and y >= 0 and z >= 0) or (x <= 0 and y <= 0 and z <= 0)
 
 
-@compiled
+@nested
 def _edge_meets_in_plane(nodes, i, j, triangle):  # type: ignore[no-untyped-def]
     p, q = _plane_axes(nodes, triangle)
     a, b, c = triangle[0], triangle[1], triangle[2]
@@ -201,7 +201,7 @@ def _edge_meets_in_plane(nodes, i, j, triangle):  # type: ignore[no-untyped-def]
     return False
 
 
-@compiled
+@nested
 def _minor(nodes, a, b, c, p, q):  # type: ignore[no-untyped-def]
     """Component of (b - a) x (c - a) normal to the axes p and q; below 2^59."""
     return (nodes[b, p] - nodes[a, p]) * (nodes[c, q] - nodes[a, q]) - (
@@ -209,13 +209,13 @@ def _minor(nodes, a, b, c, p, q):  # type: ignore[no-untyped-def]
     ) * (nodes[c, p] - nodes[a, p])
 
 
-@compiled
+@nested
 def _turn(nodes, a, b, c, p, q):  # type: ignore[no-untyped-def]
     """+1 where a, b, c turn left in the plane of the axes p and q, -1 right, 0 on one line."""
     return np.sign(_minor(nodes, a, b, c, p, q))
 
 
-@compiled
+@nested
 def _plane_axes(nodes, triangle):  # type: ignore[no-untyped-def]
     """The two axes onto which the triangle projects with the largest area."""
     best, p, q = -1, 0, 1

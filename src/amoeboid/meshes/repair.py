@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import (
@@ -163,6 +162,8 @@ def _remeshed(
     r: Array, faces: Index, edge_length: float, onto: tuple[Array, Index]
 ) -> tuple[Array, Index]:
     """The surface with edges of about this length, its nodes on the surface `onto`."""
+    from scipy.spatial import cKDTree  # not for every run that imports this
+
     tree = cKDTree(onto[0][onto[1]].mean(axis=1))
     for _ in range(MAX_ROUNDS):
         before = faces

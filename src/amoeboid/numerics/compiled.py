@@ -1,26 +1,34 @@
-"""Compilation of numerical kernels, and the copies of them that numba keeps on disk."""
+"""Compilation of numerical kernels, which are then kept; `kept` says where."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from pathlib import Path
+from contextlib import contextmanager
 from typing import Any
 
 from numba import njit
 from numba.core import config
+from numba.core.compiler_lock import global_compiler_lock
+
+from amoeboid.numerics import kept
+from amoeboid.numerics.kernel_identity import identity
+
+# Kernels that Python calls, in the order of their definition.
+ENTRIES: list[Any] = []
 
 
 def compiled(kernel: Callable[..., Any]) -> Any:
-    """`kernel` compiled at its first call, and kept on disk for later programs.
+    """`kernel` compiled at its first call, unless it was kept by the build or an earlier program.
 
     A division by zero gives inf or nan, as in NumPy, for the callers' checks to find.
-    Where a kept kernel cannot be read (a damaged file) or written (a full disk, a read-only
-    installation without a home folder) it is compiled anew, with a RuntimeWarning that names the
-    folder. NUMBA_DISABLE_JIT has no effect: some kernels exist as compiled code only.
+    Where a kept kernel cannot be read (a damaged file) or written (a full disk, no folder that can
+    be written to) it is compiled anew, with a RuntimeWarning that names the folder.
+    NUMBA_DISABLE_JIT has no effect: some kernels exist as compiled code only.
     """
-    return _compiled(kernel)
+    dispatcher = _compiled(kernel)
+    ENTRIES.append(dispatcher)
+    return dispatcher
 
 
 def nested(kernel: Callable[..., Any]) -> Any:
@@ -33,12 +41,14 @@ def _compiled(kernel: Callable[..., Any], **options: bool) -> Any:
     options |= {"no_cfunc_wrapper": True}
     with _compilation():
         dispatcher = njit(error_model="numpy", **options)(kernel)
-    try:
-        dispatcher.enable_caching()
-    except (RuntimeError, OSError):  # numba finds no folder for its cache
-        dispatcher._cache = _Unkept(kernel.__code__.co_filename)
-    else:
-        dispatcher._cache = _Kept(dispatcher._cache)
+    dispatcher._cache = _Kept(kernel, options)
+    compile_one = dispatcher.compile
+
+    def compile_or_load(signature: Any) -> Any:
+        with global_compiler_lock, kept.turn:
+            return compile_one(signature)
+
+    dispatcher.compile = compile_or_load
     return dispatcher
 
 
@@ -52,53 +62,62 @@ def _compilation() -> Iterator[None]:
 
 
 class _Kept:
-    """numba's cache of one kernel, whose failures cost time only."""
+    """What numba asks for a compiled kernel, and gives one to: its cache, whose failures cost time
+    only.
+    """
 
-    def __init__(self, files: Any) -> None:
-        self._files = files
-        for name in ("enable", "disable", "flush"):
-            setattr(self, name, getattr(files, name))
+    def __init__(self, kernel: Callable[..., Any], options: dict[str, bool]) -> None:
+        self._kernel, self._options = kernel, options
+        self._identity: str | None = None
 
     @property
     def cache_path(self) -> str:
         """The folder."""
-        return str(self._files.cache_path)
+        return str(kept.folder())
 
     def load_overload(self, signature: Any, target: Any) -> Any:
-        """The kernel for a signature as it is kept, None if it has to be compiled."""
-        try:
-            return self._files.load_overload(signature, target)
-        except Exception as error:  # unpickling raises whatever a damaged file leads it to
-            _say_damaged(self.cache_path, error)
-            # as if nothing had been kept, so that the next program finds what this one compiles
-            with suppress(OSError):
-                self._files.flush()
-            return None
+        """The kernel for a signature as it is kept, None if it has to be compiled.
+
+        It has to be if it is not kept and no other program compiles it just now.
+        """
+        name = self._name(signature, target)
+        found = _loaded(name, target)
+        if found is None:
+            for _ in kept.turn.waits():
+                found = _loaded(name, target)
+                if found is not None:
+                    break
+        return found
 
     def save_overload(self, signature: Any, kernel: Any) -> None:
         """Keep the kernel for a signature, if that is possible."""
+        if kernel.library.has_dynamic_globals:
+            return  # addresses that mean nothing to another program
+        name = self._name(signature, kernel.target_context)
         try:
-            self._files.save_overload(signature, kernel)
+            kept.save(name, kernel)
         except Exception as error:
-            _say_unkept(self.cache_path, _words(error))
+            _say_unkept(str(kept.folder()), _words(error))
 
-
-class _Unkept:
-    """The same where there is no folder for it."""
-
-    cache_path = None
-
-    def __init__(self, source: str) -> None:
-        self._folder = str(Path(source).parent / "__pycache__")
-
-    def load_overload(self, signature: Any, target: Any) -> None:
-        """Nothing is kept."""
-
-    def save_overload(self, signature: Any, kernel: Any) -> None:
-        """Say that nothing is kept."""
-        _say_unkept(self._folder, "neither it nor a folder of the user can be written to")
+    def _name(self, signature: Any, target: Any) -> str:
+        if self._identity is None:
+            self._identity = identity(self._kernel, sorted(self._options))
+        own_name = f"{self._kernel.__module__}.{self._kernel.__qualname__}"
+        return kept.name_of(own_name, self._identity, signature, target)
 
     enable = disable = flush = lambda self: None
+
+
+def _loaded(name: str, target: Any) -> Any:
+    for folder in kept.folders(target):
+        try:
+            found = kept.load(folder, name, target)
+        except Exception as error:  # unpickling raises whatever a damaged file leads it to
+            _say_damaged(str(folder), error)
+            continue
+        if found is not None:
+            return found
+    return None
 
 
 def _say_damaged(folder: str, error: Exception) -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array, Index
-from amoeboid.numerics.compiled import compiled
+from amoeboid.numerics.compiled import compiled, nested
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def constrained_minimum(
     )
 
 
-@compiled
+@nested
 def _times(blocks, columns, row_start, x, product):  # type: ignore[no-untyped-def]
     for i in range(row_start.shape[0] - 1):
         s0, s1, s2 = 0.0, 0.0, 0.0

@@ -1,8 +1,9 @@
 """Reads the frames that a run has written, without VTK.
 
-Of the format .vtp it knows what `frames.write_frame` makes of it: one piece, triangles, arrays in
-base64 of zlib. Nothing in a file is run, and no more is unpacked than its header announces; other
-surfaces are read by `amoeboid.meshes.files`.
+Of the format .vtp it knows what `frames.write_frame` makes of it: one piece, triangles, arrays as
+they are; and what it made of it in version 0.1, arrays in base64 of zlib. Nothing in a file is run,
+and no more is unpacked than its header announces; other surfaces are read by
+`amoeboid.meshes.files`.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import re
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from zlib import crc32
 
 import numpy as np
 
@@ -21,13 +23,14 @@ from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import node_areas
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
+from amoeboid.output.frames import APPENDED, CHECKSUM, HEADER
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
 _ARRAY = re.compile(rb'<DataArray type="(\w+)" Name="(\w+)"[^>]*? offset="(\d+)"')
 _TYPES = {b"Float64": np.dtype("<f8"), b"Int64": np.dtype("<i8")}
-_HEADER = b'byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor"'
+_HEADER_0_1 = b'byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor"'
 MAX_BYTES = 3 * 2 * 8 * MAX_NODES  # of one array: the triangles of the largest mesh
 
 
@@ -77,19 +80,37 @@ def _frame(arrays: dict[str, Array], p: Parameters, inputs: Inputs | None) -> Fr
 
 def _arrays(data: bytes) -> dict[str, Array]:
     """All arrays of a file by name; of those of cells the ones of the triangles."""
-    head, found, body = data.partition(b'<AppendedData encoding="base64">')
-    if not found or _HEADER not in head:
+    head, found, body = data.partition(APPENDED.encode())
+    unpacked = _raw
+    if not found:
+        head, found, body = data.partition(b'<AppendedData encoding="base64">')
+        unpacked = _unpacked
+    if not found or (HEADER.encode() if unpacked is _raw else _HEADER_0_1) not in head:
         raise ValueError("it is damaged or of another type")
     body = body[body.index(b"_") + 1 :]
     polys = head.index(b"<Polys>")
-    others = (head.index(b"<Verts>"), head.index(b"<Points>"))
+    others = (head.index(b"<Points>"), *(p for p in [head.find(b"<Verts>")] if p >= 0))
     arrays: dict[str, Array] = {}
+    checksum = 0
     for match in _ARRAY.finditer(head):
         kind, name, offset = match.groups()
         if min(others) < match.start() < polys and name != b"Points":
             continue  # vertices, lines and strips, of which there are none
-        arrays.setdefault(name.decode(), _unpacked(body, int(offset), _TYPES[kind]))
+        found_array = unpacked(body, int(offset), _TYPES[kind])
+        arrays.setdefault(name.decode(), found_array)
+        checksum = crc32(found_array.astype(_TYPES[kind]).tobytes(), checksum)
+    if unpacked is _raw and CHECKSUM.format(checksum).encode() not in head:
+        raise ValueError("its arrays are damaged")
     return arrays
+
+
+def _raw(body: bytes, start: int, kind: np.dtype) -> Array:
+    """The numbers of one array, which lie behind their size in bytes."""
+    size = int.from_bytes(body[start : start + 8], "little")
+    block = body[start + 8 : start + 8 + size]
+    if len(block) != size:
+        raise ValueError("it is damaged: it ends early")
+    return np.frombuffer(block, kind).astype(kind.newbyteorder("="))
 
 
 def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:

@@ -6,6 +6,7 @@ from array import array
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
+from zlib import crc32
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,6 +17,11 @@ from amoeboid.observables import retrograde_flow
 from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
+
+# How the arrays of a frame are stored: as they are, behind the text of the file.
+HEADER = 'byte_order="LittleEndian" header_type="UInt64"'
+APPENDED = '<AppendedData encoding="raw">'
+CHECKSUM = "<!-- crc32 of the arrays: {:08x} -->"
 
 
 class FrameFiles:
@@ -97,33 +103,53 @@ def _write(
     numbers: Mapping[str, ArrayLike],
 ) -> None:
     """Write nodes, triangles, fields at the nodes and numbers as VTK PolyData."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+    blocks = _Blocks()
+    corners = 3 * np.arange(1, len(faces) + 1)
+    lines = [
+        f'<VTKFile type="PolyData" version="1.0" {HEADER}>',
+        "<PolyData>",
+        "<FieldData>",
+        *(blocks.add(name, value, f'NumberOfTuples="{np.size(value)}"')
+          for name, value in numbers.items()),
+        "</FieldData>",
+        f'<Piece NumberOfPoints="{len(r)}" NumberOfVerts="0" NumberOfLines="0" NumberOfStrips="0" '
+        f'NumberOfPolys="{len(faces)}">',
+        '<PointData Scalars="c">',
+        *(blocks.add(name, values, f'NumberOfComponents="{values[0].size}"')
+          for name, values in fields.items()),
+        "</PointData>",
+        "<Points>", blocks.add("Points", r, 'NumberOfComponents="3"'), "</Points>",
+        "<Polys>", blocks.add("connectivity", faces), blocks.add("offsets", corners), "</Polys>",
+        "</Piece>",
+        "</PolyData>",
+        CHECKSUM.format(blocks.checksum),
+        f"{APPENDED}_",
+    ]  # fmt: skip
+    end = b"\n</AppendedData>\n</VTKFile>\n"
+    path.write_bytes(b"".join(["\n".join(lines).encode(), *blocks.data, end]))
 
-    surface = vtkPolyData()
-    points = vtkPoints()
-    points.SetData(numpy_to_vtk(r, deep=True))
-    surface.SetPoints(points)
-    cells = vtkCellArray()
-    triangles = np.column_stack([np.full(len(faces), 3), faces]).ravel()
-    cells.ImportLegacyFormat(numpy_to_vtkIdTypeArray(triangles, deep=True))
-    surface.SetPolys(cells)
-    for name, values in fields.items():
-        array = numpy_to_vtk(np.ascontiguousarray(values), deep=True)
-        array.SetName(name)
-        surface.GetPointData().AddArray(array)
-    surface.GetPointData().SetActiveScalars("c")
-    for name, value in numbers.items():
-        array = numpy_to_vtk(np.asarray(value, dtype=float), deep=True)
-        array.SetName(name)
-        surface.GetFieldData().AddArray(array)
-    writer = vtkXMLPolyDataWriter()
-    writer.SetFileName(str(path))
-    writer.SetInputData(surface)
-    if writer.Write() != 1:
-        raise OSError(f"the frame {str(path)!r} could not be written")
+
+class _Blocks:
+    """The arrays of a file, one after the other, each behind its size in bytes."""
+
+    def __init__(self) -> None:
+        self.data: list[bytes] = []
+        self.checksum = 0
+        self._place = 0
+
+    def add(self, name: str, values: ArrayLike, shape: str = "") -> str:
+        """Append an array; returns the element that says where it lies."""
+        array = np.asarray(values)
+        whole = array.dtype.kind in "iu"
+        block = np.ascontiguousarray(array, "<i8" if whole else "<f8").tobytes()
+        start = self._place
+        self.data += [len(block).to_bytes(8, "little"), block]
+        self.checksum = crc32(block, self.checksum)
+        self._place += 8 + len(block)
+        kind = "Int64" if whole else "Float64"
+        return (
+            f'<DataArray type="{kind}" Name="{name}" {shape} format="appended" offset="{start}"/>'
+        )
 
 
 def frame_name(count: int) -> str:

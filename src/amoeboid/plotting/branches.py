@@ -10,7 +10,6 @@ import numpy as np
 
 from amoeboid.axisymmetric.phase_diagram import REGIONS
 from amoeboid.model.parameters import Parameters
-from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import (
     as_drawn,
     axes_for,
@@ -19,13 +18,13 @@ from amoeboid.plotting.figures import (
     write_drawing,
     write_figure,
 )
+from amoeboid.plotting.palette import COLOR_MAP, INK, PURPLE, STABLE, UNSTABLE
 from amoeboid.studies import observed
 from amoeboid.studies.branch import HOPF, Branch, SpecialPoint
 from amoeboid.studies.columns import magnitude, text, unit
 from amoeboid.studies.phase_diagram import PhaseDiagram
 from amoeboid.studies.states import SteadyState, SteadyStates
 
-STABLE, UNSTABLE, MARK, EDGE = "#0b6e99", "#c8553d", "#222222", "#6b4fa0"
 CONCENTRATION = "filament concentration $c$"
 REGION_COLORS = ("#f2f2f2", "#8fc1d9", "#f3d38c", "#e3a79b", "#bbbbbb")
 MAX_LABELED = 4
@@ -166,7 +165,7 @@ def _scale_bar(axes: Any, state: SteadyState, at: float) -> None:
     p, radius = state.parameters, float(_length(state, state.parameters.R0))
     _, z = _meridian(state)
     low = 1.15 * min(-radius, -float(np.max(np.abs(z))))
-    axes.plot([at, at + radius], [low, low], color=MARK, lw=2)
+    axes.plot([at, at + radius], [low, low], color=INK, lw=2)
     words = f"$R_0$ = {radius:.4g} {_in(p, 'L')}"
     axes.text(at + 0.5 * radius, low - 0.05 * radius, words, ha="center", va="top", fontsize=8)
     axes.set_ylim(bottom=low - 0.3 * radius)
@@ -259,16 +258,16 @@ def _markers(axes: Any, branch: Branch, observable: str) -> None:
         for k, origin in enumerate(branch.origins):
             label = as_drawn(f"threshold {text(p, origin, dimension, '.5g')}")
             at = float(magnitude(p, origin, dimension))
-            axes.plot(at, 0.0, "o", color=MARK, label=label if k < MAX_LABELED else None)
+            axes.plot(at, 0.0, "o", color=INK, label=label if k < MAX_LABELED else None)
     for k, fold in enumerate(branch.folds):
         label = as_drawn(f"fold {text(p, fold.number, dimension)}")
-        _mark(axes, branch, fold, observable, "s", MARK, label if k < MAX_LABELED else None)
+        _mark(axes, branch, fold, observable, "s", INK, label if k < MAX_LABELED else None)
     for k, point in enumerate(branch.bifurcations):
         number = as_drawn(text(p, point.number, dimension, ".5g"))
         mode = "" if point.m is None else f", m = {point.m}"
         label = f"{point.kind}{mode}, {number}"
         sign = "^" if point.kind == HOPF else "D"
-        _mark(axes, branch, point, observable, sign, EDGE, label if k < MAX_LABELED else None)
+        _mark(axes, branch, point, observable, sign, PURPLE, label if k < MAX_LABELED else None)
 
 
 def _mark(
@@ -315,7 +314,7 @@ def draw_phase_diagram(diagram: PhaseDiagram, ax: Any = None) -> Any:
         handles += drawn if k == 0 else []
     for tip in found.tips:
         label = as_drawn(f"super/subcritical, {text(p, tip[0], dimension, '.4g')}")
-        handles += axes.plot(*curve([tip]), "o", color=MARK, label=label)
+        handles += axes.plot(*curve([tip]), "o", color=INK, label=label)
     present = np.unique(found.regions)
     handles += [
         Patch(facecolor=REGION_COLORS[k], edgecolor="0.7", label=REGIONS[k]) for k in present

@@ -1,14 +1,12 @@
 """A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D).
 
-With a scale bar, the time, and the arrow that stands for the fastest flow. It is drawn by VTK in a
-process of its own: without the libraries of a screen, or with those of a screen that is not there,
-VTK ends the program.
+With a scale bar, the time, and the arrow that stands for the fastest flow. It is drawn in a process
+of its own, beside which the program can draw something else.
 """
 
 from __future__ import annotations
 
 import io
-import os
 import signal
 import subprocess
 import sys
@@ -25,9 +23,7 @@ from amoeboid.simulation.step import Step
 
 MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
 MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few
-# Where VTK draws: on what it finds, or what the environment names; then without any screen.
-WAYS: tuple[dict[str, str], ...] = ({}, {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"})
-REMEDY = "VTK needs libEGL or libOSMesa to draw without a screen; ParaView opens the frames"
+REMEDY = "ParaView opens the frames"
 
 
 class NoPicture(RuntimeError):
@@ -37,7 +33,7 @@ class NoPicture(RuntimeError):
 def save_cell_picture(path: Path, step: Step) -> None:
     """Render the cell of `step` to a PNG file: front to the left, seen from the side.
 
-    Raises NoPicture where VTK cannot draw, and OSError.
+    Raises NoPicture if the process fails, and OSError.
     """
     archive = io.BytesIO()
     np.savez(archive, allow_pickle=False, **scene(step))
@@ -65,22 +61,17 @@ def scene(step: Step) -> dict[str, Any]:
 
 
 def _draw(path: Path, archive: bytes) -> None:
-    problem = ""
-    for way in WAYS:
-        # PyVista imports matplotlib, which looks for the backend that a notebook names
-        found = _process(path, archive, os.environ | {"MPLBACKEND": "agg"} | way)
-        if found is None:
-            return
-        problem = problem or found
-    raise NoPicture(f"{problem}; {REMEDY}")
+    problem = _problem(path, archive)
+    if problem is not None:
+        raise NoPicture(f"{problem}; {REMEDY}")
 
 
-def _process(path: Path, archive: bytes, environment: dict[str, str]) -> str | None:
+def _problem(path: Path, archive: bytes) -> str | None:
     """Draw in a process of its own; None, or what went wrong."""
     command = [sys.executable, "-P", cell_process.__file__, str(path.absolute())]
     try:
         done = subprocess.run(  # noqa: S603  (our own program; the path is one argument)
-            command, input=archive, capture_output=True, timeout=MAX_DRAWING, env=environment
+            command, input=archive, capture_output=True, timeout=MAX_DRAWING
         )
     except subprocess.TimeoutExpired:
         return f"the drawing process took more than {MAX_DRAWING:g} s"

@@ -1,4 +1,4 @@
-"""Draws one cell with VTK; a program of its own, see `cell`.
+"""Draws one cell; a program of its own, see `cell`.
 
 Argument: the PNG file to write. Standard input: an .npz archive, `r` (V, 3) about the centroid,
 `faces` (F, 3), `c` (V,), `normals` (V, 3), `flow` (V, 3) the retrograde flow, `polarization` (3,),
@@ -9,22 +9,23 @@ from __future__ import annotations
 
 import io
 import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
-from amoeboid.plotting import COLOR_MAP
+from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.palette import INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
 
-INK, FRONT = "#1b1b1b", "#c2410c"
 ARROWS = 170
 WINDOW = (1500, 1100)
 ARROW = 0.34  # length of the arrow of the fastest flow in units of R0
-FONT_SIZE = 26
-DISTANCE = 6.01  # of the viewer, in units of the size of the cell
+FONT_SIZE = 25
+HEIGHT = 1.352  # from the middle of the picture to its edge, in units of the size of the cell
 
 
 def main(path: str) -> None:
@@ -35,103 +36,57 @@ def main(path: str) -> None:
 
 def draw(path: str, scene: Scene) -> None:
     """Write the picture of a scene."""
-    import pyvista as pv
-    from vtkmodules.vtkCommonCore import vtkLogger
-
-    # without a screen VTK falls back to off-screen rendering, and would warn of that every time
-    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)
-    plotter = pv.Plotter(off_screen=True, window_size=list(WINDOW))
-    try:
-        plotter.set_background("white")
-        _add_cell(plotter, scene)
-        plotter.screenshot(path, return_img=False)
-    finally:
-        plotter.close()
-
-
-def _add_cell(plotter: Any, scene: Scene) -> None:
-    import pyvista as pv
-
     R0, moving = float(scene["R0"]), bool(scene["moving"])
-    x = scene["r"]
+    r = scene["r"]
     rear, side = _view_axes(scene["polarization"])
-    surface = pv.PolyData.from_regular_faces(x, scene["faces"])
-    surface.point_data["c"] = scene["c"]
-    bar: dict[str, Any] = {
-        "title": "filament concentration c [N/L^2]\n",  # with room below
-        "color": INK,
-        "fmt": "%.4g",
-        "vertical": False,
-        "position_x": 0.2,
-        "position_y": 0.04,
-        "width": 0.6,
-        "title_font_size": 30,
-        "label_font_size": 26,
-    }
-    limits = _color_limits(scene["c"], float(scene["c0"]))
-    plotter.add_mesh(
-        surface,
-        scalars="c",
-        cmap=COLOR_MAP,
-        clim=limits,
-        smooth_shading=True,
-        ambient=0.8,
-        diffuse=0.25,
-        specular=0.0,
-        scalar_bar_args=bar,
-    )
-
-    fastest = float(scene["fastest"])
-    if moving:
-        chosen = _spread_out(x, ARROWS)
-        points = pv.PolyData((x + 0.02 * R0 * scene["normals"])[chosen])
-        points["flow"] = scene["flow"][chosen]
-        arrows = points.glyph(
-            orient="flow",
-            scale="flow",
-            factor=ARROW * R0 / fastest,
-            geom=pv.Arrow(shaft_radius=0.04),
-        )
-        plotter.add_mesh(arrows, color=INK)
-        start = (np.min(x @ rear) - 0.12 * R0) * rear
-        front = pv.Arrow(
-            start=start, direction=-rear, scale=0.55 * R0, tip_length=0.32, shaft_radius=0.035
-        )
-        plotter.add_mesh(front, color=FRONT)
-        _label(plotter, start - 0.28 * R0 * rear + 0.16 * R0 * np.cross(side, rear), "front", FRONT)
-    size = max(R0, float(np.linalg.norm(x, axis=1).max()))
-    _add_scale(plotter, rear, side, size, R0, fastest if moving else None)
-    time = f"t = {float(scene['t']):.4g} [T]"
-    plotter.add_text(
-        time, position=(0.03, 0.93), font_size=FONT_SIZE // 2, color=INK, viewport=True
-    )
-    _aim(plotter, rear, side, size, 0.3 if moving else 0.0)
-
-
-def _add_scale(
-    plotter: Any, rear: Array, side: Array, size: float, R0: float, fastest: float | None
-) -> None:
-    """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
-    import pyvista as pv
-
     above, sight = np.cross(side, rear), _sight(rear, side)
     right = np.cross(above, sight)
     right /= np.linalg.norm(right)
-    up = np.cross(sight, right)
-    # both face the viewer, as far away as the center of the cell
+    axes = right, np.cross(sight, right), sight
+    size = max(R0, float(np.linalg.norm(r, axis=1).max()))
+    middle = size * ((-0.3 if moving else 0.0) * rear - 0.14 * above)
+    canvas = Canvas(*WINDOW, axes, middle, HEIGHT * size)
+    low, high = _color_limits(scene["c"], float(scene["c0"]))
+    canvas.surface(r, scene["normals"], scene["faces"], (scene["c"] - low) / (high - low))
+    if moving:
+        longest = ARROW * R0 / float(scene["fastest"])
+        for k in _spread_out(r, ARROWS):
+            canvas.arrow(r[k] + 0.02 * R0 * scene["normals"][k], longest * scene["flow"][k], INK)
+        start = (np.min(r @ rear) - 0.12 * R0) * rear
+        canvas.arrow(start, -0.55 * R0 * rear, ORANGE, head=0.32, width=0.035)
+        _label(canvas, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", ORANGE)
+    _add_scale(canvas, axes, size, R0, float(scene["fastest"]) if moving else None)
+    canvas.text(canvas.share(0.03, 0.06), f"t = {float(scene['t']):.4g} [T]", INK, FONT_SIZE, "lm")
+    _add_colors(canvas, low, high)
+    canvas.save(Path(path))
+
+
+def _add_colors(canvas: Canvas, low: float, high: float) -> None:
+    """The bar of colors, with five numbers and what they are."""
+    canvas.bar(0.2, 0.93, 0.8, 0.96)
+    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+        number = f"{low + share * (high - low):.4g}"
+        canvas.text(canvas.share(0.2 + 0.6 * share, 0.915), number, INK, FONT_SIZE)
+    title = "filament concentration c [N/L^2]"
+    canvas.text(canvas.share(0.5, 0.868), title, INK, 1.15 * FONT_SIZE)
+
+
+def _add_scale(
+    canvas: Canvas, axes: tuple[Array, Array, Array], size: float, R0: float, fastest: float | None
+) -> None:
+    """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
+    right, up, _ = axes
     length = _round_length(0.6 * R0)
     end = size * (1.45 * right + 1.0 * up)
-    bar = pv.Line(end - length * right, end).tube(radius=0.015 * R0)
-    plotter.add_mesh(bar, color=INK, ambient=1.0, diffuse=0.0)
-    _label(plotter, end - 0.5 * length * right - 0.14 * size * up, f"{length:g} [L]", INK)
+    half = 0.015 * R0 * up
+    corners = [end - half, end + half, end - length * right - half, end - length * right + half]
+    canvas.solid(np.array(corners), INK)
+    _label(canvas, end - 0.5 * length * right - 0.14 * size * up, f"{length:g} [L]", INK)
     if fastest is not None:
         begin = size * (-1.5 * right - 0.65 * up)
-        arrow = pv.Arrow(
-            start=begin, direction=right, scale=ARROW * R0, shaft_radius=0.04, tip_length=0.25
-        )
-        plotter.add_mesh(arrow, color=INK)
+        canvas.arrow(begin, ARROW * R0 * right, INK)
         place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
-        _label(plotter, place, f"retrograde flow {fastest:.3g} [L/T]", INK)
+        _label(canvas, place, f"retrograde flow {fastest:.3g} [L/T]", INK)
 
 
 def _round_length(longest: float) -> float:
@@ -146,17 +101,8 @@ def _sight(rear: Array, side: Array) -> Array:
     return np.asarray(sight / np.linalg.norm(sight))
 
 
-def _label(plotter: Any, place: Array, text: str, color: str) -> None:
-    plotter.add_point_labels(
-        [place],
-        [text],
-        text_color=color,
-        font_size=FONT_SIZE,
-        shape=None,
-        show_points=False,
-        always_visible=True,
-        justification_horizontal="center",
-    )
+def _label(canvas: Canvas, place: Array, text: str, color: str) -> None:
+    canvas.text(canvas.place(place), text, color, FONT_SIZE)
 
 
 def _color_limits(c: Array, c0: float) -> tuple[float, float]:
@@ -186,15 +132,6 @@ def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
         chosen.append(int(np.argmax(distance)))
         distance = np.minimum(distance, np.linalg.norm(r - r[chosen[-1]], axis=1))
     return np.array(chosen)
-
-
-def _aim(plotter: Any, rear: Array, side: Array, size: float, lead: float) -> None:
-    focus = -lead * size * rear
-    above = np.cross(side, rear)
-    eye = focus + DISTANCE * size * _sight(rear, side)
-    plotter.camera_position = [tuple(eye), tuple(focus - 0.14 * size * above), tuple(above)]
-    plotter.camera.view_angle = 26.0
-    plotter.enable_parallel_projection()
 
 
 if __name__ == "__main__":

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import as_drawn, axes_for, with_unit
+from amoeboid.plotting.palette import BLUE, COLOR_MAP, GRAY, INK
 from amoeboid.plotting.trajectory import along_principal_axes
 from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
 from amoeboid.runs.run import Run
@@ -15,7 +15,6 @@ from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.timeseries import POSITION
 from amoeboid.studies.columns import column, unit
 
-INK, MUTED, LINE = "#1b1b1b", "#7a7a7a", "#0b6e99"
 MIN_POWER = 1e-10  # of the largest; below it is rounding of the least squares
 
 
@@ -39,7 +38,7 @@ def draw_trajectory(run: Run, ax: Any = None) -> Any:
     axes, columns = axes_for(ax), run.columns
     way = along_principal_axes(np.stack([columns[n].values for n in POSITION], axis=1))
     t, length = columns["t"], columns[POSITION[0]].unit
-    axes.plot(way[:, 0], way[:, 1], color=MUTED, lw=0.8)
+    axes.plot(way[:, 0], way[:, 1], color=GRAY, lw=0.8)
     image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap=COLOR_MAP, zorder=3)
     axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)
     axes.figure.colorbar(image, ax=axes, label=with_unit("t", t.unit))
@@ -98,7 +97,7 @@ def draw_kymograph(found: Kymograph, ax: Any = None) -> Any:
         axes.set_xlabel(with_unit("t", t.unit))
         axes.set_ylabel("angle from the rear [degrees]")
     else:
-        axes.plot(degrees, c.values[0], color=LINE)
+        axes.plot(degrees, c.values[0], color=BLUE)
         axes.set_xlabel("angle from the rear [degrees]")
         axes.set_ylabel(with_unit("c", c.unit))
     return axes

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.plotting import COLOR_MAP
 from amoeboid.plotting.figures import new_figure, own_settings, write_figure
+from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK
 
 MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
-INK, MUTED = "#1b1b1b", "#7a7a7a"
 
 
 @own_settings()
@@ -31,7 +30,7 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
     second = figure.add_subplot(1, 2, 2, sharex=first)
     shown = None
     for axes, k, title in ((first, 1, "in its main plane"), (second, 2, "across that plane")):
-        axes.plot(way[:, 0], way[:, k], color=MUTED, linewidth=0.8)
+        axes.plot(way[:, 0], way[:, k], color=GRAY, linewidth=0.8)
         shown = axes.scatter(way[:, 0], way[:, k], c=t, s=7, cmap=COLOR_MAP, zorder=3)
         axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
         axes.set_aspect("equal", adjustable="datalim")

@@ -1,0 +1,156 @@
+"""`amoeboid figure`: the figures and tables of the paper as files."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.exit_codes import FAILURE
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE, drawn
+from amoeboid.cli.settings import add_parameters, parameters_from, print_json
+from amoeboid.cli.tables import table, width
+from amoeboid.terminal import shown_line
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.figures.figure import Figure
+    from amoeboid.figures.results import Tell
+    from amoeboid.figures.tables import FigureData
+    from amoeboid.model.parameters import Parameters
+
+ALL = "all"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `figure`."""
+    parser.add_argument(
+        "names",
+        nargs="*",
+        metavar="NAME",
+        help="which ones, or `all`; without a name they are listed",
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path("figures"),
+        metavar="DIR",
+        help="folder for pictures and tables (figures)",
+    )
+    parser.add_argument(
+        "--format",
+        dest="formats",
+        action="append",
+        metavar="FORMAT",
+        help="of the pictures: png (default), pdf, svg; repeatable",
+    )
+    parser.add_argument(
+        "--again", action="store_true", help="compute what is known from an earlier call once more"
+    )
+    add_parameters(parser)
+    parser.epilog = (
+        "Each figure is a picture and the numbers that it shows, as CSV with units.\n"
+        "What was computed before with the same parameters and the same version is read from\n"
+        "DIR/.computed, so that a command that was stopped goes on.\n"
+        "--set changes the parameters of the figures; without it they are those of the paper.\n"
+        "Exit code 1 if a figure could not be made; the others are."
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """List the figures, or make some."""
+    from amoeboid import figures
+    from amoeboid.figures.figure import checked_formats
+
+    formats = checked_formats(args.formats or ["png"])
+    if not args.names:
+        found = [figures.named(name) for name in figures.names()]
+        if args.json:
+            print_json({f.name: {"title": f.title, "source": f.source} for f in found})
+        else:
+            rows = [(f.name, f.source, f.title) for f in found]
+            say(*table(("name", "in the paper", "shows"), rows, "<<<", width()))
+        return 0
+    every = ALL in args.names
+    chosen = [
+        figures.named(name) for name in dict.fromkeys(figures.names() if every else args.names)
+    ]
+    work = [(figure, _parameters(figure, args, every)) for figure in chosen]
+    args.output.mkdir(parents=True, exist_ok=True)
+    code, document = 0, {}
+    for number, (figure, p) in enumerate(work, 1):
+        place = f"{figure.name} ({number} of {len(work)})"
+        made, failed = _made(figure, p, args, formats, place)
+        document[figure.name] = made
+        code = max(code, failed)
+    if args.json:
+        print_json(document)
+    return code
+
+
+def _made(
+    figure: Figure, p: Parameters, args: argparse.Namespace, formats: Sequence[str], place: str
+) -> tuple[dict[str, Any], int]:
+    """Make one figure, tables first; what was made of it, and the exit code."""
+    from amoeboid.figures.results import Results
+
+    begun = time.monotonic()
+    with shown_line() as show:
+        results = Results(args.output, _placed(show, place), args.again)
+        data = figure.data(p, results)
+    files = figure.write_tables(data, args.output)
+    code = FAILURE if data.problems else 0
+    for one in formats:
+        succeeded = drawn(
+            "figure",
+            args.output / f"{figure.name}.{one}",
+            partial(_draw, figure, data),
+        )
+        files += [args.output / f"{figure.name}.{one}"] if succeeded else []
+        code = code if succeeded else NO_PICTURE
+    seconds = time.monotonic() - begun
+    for problem in data.problems:
+        tell("figure", f"{figure.name}: {problem}")
+    if not args.json:
+        say(f"{figure.name}: {figure.title} ({figure.source}), {seconds:.1f} s")
+        say(*(f"  {note}" for note in data.notes), *(f"  {path}" for path in files))
+    names = [str(path) for path in files]
+    return {"files": names, "notes": list(data.notes), "problems": list(data.problems)}, code
+
+
+def _draw(figure: Figure, data: FigureData, path: Path) -> None:
+    figure.write_pictures(data, path.parent, [path.suffix[1:]])
+
+
+def _placed(show: Tell | None, place: str) -> Tell:
+    from amoeboid.figures.results import untold
+
+    if show is None:
+        return untold
+    return lambda parts: show([place, *parts])
+
+
+def _parameters(figure: Figure, args: argparse.Namespace, every: bool) -> Parameters:
+    """The parameters of a figure with those of --set. Raises InvalidInput for one that it varies.
+
+    Of all figures, those that vary it themselves go without it, and say so.
+    """
+    settings = list(args.settings)
+    for setting in args.settings:
+        name = setting.partition("=")[0].strip().removeprefix("parameters.")
+        if name in figure.varies:
+            if not every:
+                raise InvalidInput(
+                    f"--set must leave {name} alone for {figure.name}, which varies it itself, "
+                    f"got {setting!r}; leave it out"
+                )
+            tell("figure", f"{figure.name} varies {name} itself: made without {setting!r}")
+            settings.remove(setting)
+    if not settings and not args.physical:
+        return figure.parameters
+    return parameters_from(settings, args.physical, figure.parameters)

@@ -1,0 +1,206 @@
+"""Where compiled kernels lie, so that they are compiled once: by the build, or once a machine.
+
+A file holds one kernel for one signature, as numba stores it, behind a hash of its content. Its
+name is a hash of all that the machine code depends on (`kernel_identity`, signature, versions of
+numba, llvmlite and Python, platform), so that nothing in it can be out of date. Files are renamed
+into place, never changed. The file PROCESSOR of a folder names the instructions that its kernels
+use: a processor that lacks one of them does not load any.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import IO, Any
+
+from numba.core import config
+from numba.core.compiler import CompileResult
+from numba.core.runtime import rtsys
+from numba.core.serialize import dumps
+
+from amoeboid.terminal import Line, progress_line
+
+try:
+    import fcntl
+except ImportError:  # without it, programs that start together compile the same kernels
+    fcntl = None  # type: ignore[assignment]
+
+BUILT = Path(__file__).parents[1] / "built_kernels"  # those that came with the package
+PROCESSOR, LOCK = "PROCESSOR", "lock"
+MAX_VERSIONS = 16  # of one kernel in the folder of the user; the oldest are removed
+MAX_WAIT = 300.0  # seconds for another program that compiles
+POLL = 0.02
+_HASH = hashlib.sha256().digest_size
+
+
+def folder() -> Path:
+    """The folder of this user and machine, or what NUMBA_CACHE_DIR says."""
+    if config.CACHE_DIR:
+        base = Path(config.CACHE_DIR)
+    elif sys.platform == "win32":
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local")
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Caches"
+    else:
+        base = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+    # of a home that several machines share
+    return base / "amoeboid" / f"kernels-{_short(processor())}"
+
+
+def processor() -> str:
+    """The instructions that kernels compiled here use, in words of LLVM."""
+    from numba.core.registry import cpu_target
+
+    _, name, features = cpu_target.target_context.codegen().magic_tuple()
+    used = sorted(f for f in features.split(",") if f.startswith("+"))
+    return f"{platform.machine()} {name}\n{','.join(used)}\n"
+
+
+def folders(target: Any) -> list[Path]:
+    """Folders to look in: those of the build if this processor can run them, and of the user."""
+    return [*([BUILT] if _runs(BUILT) else []), folder()]
+
+
+@cache
+def _runs(where: Path) -> bool:
+    try:
+        needs = (where / PROCESSOR).read_text(encoding="utf-8")
+    except OSError:
+        return False
+    from llvmlite.binding import get_host_cpu_features
+
+    machine, _, features = needs.partition("\n")
+    has = {f"+{name}" for name, present in get_host_cpu_features().items() if present}
+    return machine.split()[0] == platform.machine() and set(features.strip().split(",")) <= has
+
+
+def name_of(kernel: str, identity: str, signature: Any, target: Any) -> str:
+    """The name of the file of a kernel for a signature."""
+    triple = target.codegen().magic_tuple()[0]
+    depends_on = (identity, str(signature), triple, sys.implementation.cache_tag, *_versions())
+    return f"{kernel.replace('<locals>', '')}-{_short(repr(depends_on))}.kernel"
+
+
+@cache
+def _versions() -> tuple[str, ...]:
+    return version("numba"), version("llvmlite")
+
+
+def _short(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:20]
+
+
+def load(where: Path, name: str, target: Any) -> Any:
+    """A kernel of a folder, None if it has none of that name.
+
+    numba would first set up all that it needs to compile, which takes longer than to load.
+    Raises whatever a damaged file leads to.
+    """
+    try:
+        data = (where / name).read_bytes()
+    except (FileNotFoundError, NotADirectoryError):
+        return None
+    if hashlib.sha256(data[_HASH:]).digest() != data[:_HASH]:
+        raise ValueError("a file is damaged")
+    rtsys.initialize(target)  # what the kernels allocate arrays by
+    return CompileResult._rebuild(target, *pickle.loads(data[_HASH:]))  # noqa: S301  (our own)
+
+
+def save(name: str, kernel: Any) -> None:
+    """Keep a kernel in the folder of the user. Raises OSError."""
+    data = dumps(kernel._reduce())
+    where = folder()
+    where.mkdir(parents=True, exist_ok=True)
+    if not (where / PROCESSOR).exists():
+        _write(where / PROCESSOR, processor().encode())
+    _write(where / name, hashlib.sha256(data).digest() + data)
+    versions = sorted(where.glob(f"{name.rpartition('-')[0]}-*.kernel"), key=_age)
+    for old in versions[MAX_VERSIONS:]:
+        old.unlink(missing_ok=True)
+
+
+def _write(path: Path, data: bytes) -> None:
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_bytes(data)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _age(path: Path) -> float:
+    with suppress(OSError):
+        return -path.stat().st_mtime
+    return 0.0
+
+
+class _Turn:
+    """The turn of this program to compile: one program of a user at a time, others wait.
+
+    It begins when a kernel is not found, and ends with the outermost compilation. Entered and left
+    under numba's own lock for threads.
+    """
+
+    def __init__(self) -> None:
+        self._depth, self._count = 0, 0
+        self._file: IO[bytes] | None = None
+        self._line: Line | None = None
+
+    def __enter__(self) -> None:
+        self._depth += 1
+
+    def __exit__(self, *_: object) -> None:
+        self._depth -= 1
+        if self._depth == 0:
+            if self._file is not None:
+                self._file.close()  # which also unlocks it
+                self._file = None
+            if self._line is not None:
+                self._line.erase()
+
+    def waits(self) -> Iterator[None]:
+        """Pauses until it is this program's turn, and one more: look for the kernel in each.
+
+        Who goes on after the last compiles it.
+        """
+        if self._file is None and fcntl is not None:
+            with suppress(OSError):  # no folder, or one that knows no locks
+                folder().mkdir(parents=True, exist_ok=True)
+                self._file = (folder() / LOCK).open("ab")
+        begin = time.monotonic()
+        while not self._locked() and time.monotonic() - begin < MAX_WAIT:
+            self._show("waiting for another program that compiles the numerical kernels")
+            yield
+            time.sleep(POLL)
+        yield
+        self._count += 1
+        self._show("compiling the numerical kernels, once on this machine", str(self._count))
+
+    def _locked(self) -> bool:
+        if self._file is None:
+            return True
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return False
+        except OSError:  # as above
+            return True
+        return True
+
+    def _show(self, *parts: str) -> None:
+        if self._line is None:
+            self._line = progress_line()
+        if self._line is not None:
+            self._line.show(parts)
+
+
+turn = _Turn()
