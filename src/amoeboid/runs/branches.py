@@ -171,7 +171,7 @@ def branch(
             f"the branch must begin at a steady cell, none is reached: {error}; give one by "
             "through = amoeboid.steady_state(...)"
         ) from None
-    return traced.shown(parts, stability)
+    return traced.shown(parts, stability, isinstance(through, CellBifurcation))
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +250,11 @@ class _Traced:
                 why = str(error)
         raise NotSteady(f"no cell beside the bifurcation at {q:.8g} is found: {why}")
 
-    def shown(self, parts: Sequence[Followed], stability: bool) -> CellBranch:
-        """The branch as users see it, its parts joined at the first cell."""
+    def shown(self, parts: Sequence[Followed], stability: bool, leaving: bool) -> CellBranch:
+        """The branch as users see it, its parts joined at the first cell.
+
+        One that is `leaving` another begins where a mode is neutral.
+        """
         points, folds = [*parts[-1].points], [*parts[-1].folds]
         if len(parts) == 2:  # the first one leads back to the start of the window
             back, begin = parts[0], parts[0].points[-1][0]
@@ -271,7 +274,8 @@ class _Traced:
         problems = [f"the branch ends early: {part.message}" for part in parts if part.message]
         bifurcations: list[SpecialPoint] = []
         if stability:
-            bifurcations, unsure = self._bifurcations(lengths, cells, folds)
+            skipped = 1 if leaving else 0
+            bifurcations, unsure = self._bifurcations(lengths[skipped:], cells[skipped:], folds)
             problems += unsure
         return CellBranch(
             parameters=self.p,
