@@ -209,7 +209,7 @@ def _print_solved(solved: list[dict[str, Any]], branches: list[dict[str, Any]]) 
             f"steady states on {one['nodes']} nodes, s of processor time: {times}",
             f"  run of {one['steps']} steps over {one['iterations']} iterations: {ratios}",
             f"  branch of figure 3B: {number(found['cpu_s'], 3)} s, {found['points']} points, fold "
-            f"at {found['fold']:.6f}",
+            f"at {'none' if found['fold'] is None else number(found['fold'], 8)}",
         )
 
 

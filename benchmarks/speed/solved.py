@@ -76,7 +76,7 @@ def branch_of_figure_3b(subdivisions: int) -> dict[str, Any]:
         "nodes": mesh.n_nodes,
         "cpu_s": seconds,
         "points": len(found),
-        "fold": found.folds[0].number,
+        "fold": found.folds[0].number if found.folds else None,
     }
 
 

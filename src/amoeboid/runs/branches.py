@@ -138,8 +138,8 @@ def branch(
     With `mesh`, `Icosphere(3)`, that of 3D cells through the fastest axisymmetric state at `end`,
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
     `steady_state` that has a mesh; or a bifurcation of such a branch, the branch that leaves there:
-    circles and helices. It is followed through folds until it leaves the window or meets the
-    sphere. `stability`: find the growth rates of all cells, and where stability is gained or lost;
+    circles and helices. It is followed through folds until it leaves the window, meets the
+    sphere, or circles become straight. `stability`: find the growth rates of all cells, and where stability is gained or lost;
     False saves most of the time. With physical parameters, the ends are quantities such as
     "2 um/s". `max_step` is the longest step along the branch, `max_points` the largest number of
     points; `watch` is called with every step.
@@ -318,17 +318,18 @@ class _Traced:
         model_at = self._models(a.model)
         known = [(self._value(c), c.growth(MAX_ERROR)[0].rate, c) for c in (a, b)]
         for _ in range(MAX_TRIALS):
-            (p, f, near), (q, g, _) = known
+            (p, f, beside), (q, g, _) = known
             if f is None or g is None or f == g:
                 break
             at = q - g * (q - p) / (g - f)
             low, high = sorted((self._value(a), self._value(b)))
             at = float(np.clip(at, low, high))
-            cell = shown_cell(found_from(model_at(at), _moving(near), at))
+            cell = shown_cell(found_from(model_at(at), _moving(beside), at))
             growth, mode = cell.growth(MAX_ERROR)
             known = sorted([*known, (at, growth.rate, cell)], key=lambda one: abs(one[1] or np.inf))
             known = known[:2]
-            if abs(known[0][0] - known[1][0]) < EXACT * self.options.scale or at in (p, q):
+            near = abs(known[0][0] - known[1][0]) < EXACT * self.options.scale
+            if near or at in (p, q) or abs(growth.rate or 0.0) <= growth.error:
                 break
         else:
             raise NotSteady(f"between {p:.6g} and {q:.6g} the growth rate has no zero")

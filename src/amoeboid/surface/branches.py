@@ -32,6 +32,9 @@ EXACT, MAX_REFINEMENTS = 1e-9, 8
 # its own mirror image the branches of sphere and polarized cells do not quite meet.
 MIN_POLARITY = 0.05
 
+# A cell that rotates more slowly, in units of its rate, does so by the error of the mesh.
+MIN_ROTATION = 0.02
+
 ModelAt = Callable[[float], Model]
 
 
@@ -49,7 +52,8 @@ class Followed:
     """A branch inside its window: the points, each with the length up to it, and special ones.
 
     `folds`: where it turns back; `origins`: values of q at which it meets the homogeneous sphere;
-    `complete`: it ends there or at the edge of the window; otherwise `message` says why it ends.
+    `complete`: it ends there, at the edge of the window, or where circles have become straight;
+    otherwise `message` says why it ends.
     """
 
     points: tuple[tuple[float, Found], ...]
@@ -70,7 +74,10 @@ def branch_from(
     options: Options,
     seen: Callable[[int, Found], None] = lambda *_: None,
 ) -> Followed:
-    """The branch from `first` through `second` until it leaves the window or meets the sphere."""
+    """The branch from `first` through `second` until it leaves the window or comes to mirror images.
+
+    These follow where it meets the sphere, and circles where they meet straight cells.
+    """
     low, high = sorted(window)
     points, folds = [(0.0, first)], list[tuple[float, Found]]()
     origins: tuple[float, ...] = ()
@@ -79,16 +86,17 @@ def branch_from(
         for length, found in follow(model_at, first, second, options):
             seen(len(points), found)
             met = _meets_sphere(points[-1][1], found)
+            mirrored = _turns_back([one for _, one in points], found)
             inside = low <= found.q <= high
-            if not met and inside:
+            if not (met or mirrored) and inside:
                 points.append((length, found))
-            if len(points) > 2 and not met:
+            if len(points) > 2 and not (met or mirrored):
                 folds += _fold_between(model_at, points[-3:], options.scale)
             if met:
                 origins = (_origin([one for _, one in points[-3:]]),)
-            if not inside and not met:
+            if not (inside or met or mirrored):
                 points.append(_at_edge(model_at, points[-1], (length, found), (low, high)))
-            if met or not inside:
+            if met or mirrored or not inside:
                 complete, message = True, ""
                 break
             if len(points) >= options.max_points:
@@ -195,6 +203,14 @@ def _meets_sphere(before: Found, after: Found) -> bool:
     """Whether the cell turns into its mirror image between two points, or is a sphere."""
     a, b = polarization(before.seen), polarization(after.seen)
     return bool(a @ b < 0.0 or np.linalg.norm(b) < MIN_POLARITY)
+
+
+def _turns_back(points: Sequence[Found], after: Found) -> bool:
+    """Whether a cell rotates the other way round than the last one that rotated."""
+    least = MIN_ROTATION * after.model.rate
+    known = [one.cell.angular_velocity for one in points]
+    turning = [omega for omega in known if np.linalg.norm(omega) > least]
+    return bool(turning) and bool(turning[-1] @ after.cell.angular_velocity < 0.0)
 
 
 def _origin(points: Sequence[Found]) -> float:

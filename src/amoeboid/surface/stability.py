@@ -40,9 +40,9 @@ from amoeboid.validation import InvalidInput
 
 # Length of the step in units of 1/model.rate, and the shares of it that are tried in turn if the
 # equations of the step cannot be solved. The shorter the step, the closer the eigenvalues mu.
-STEP, SHARES = 1.0, (1.0, 0.3, 0.1)
+STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
-TOLERANCE = 1e-4
+TOLERANCE = 3e-5
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.1
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
