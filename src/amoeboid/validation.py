@@ -106,11 +106,15 @@ def validate(instance: Any, section: str = "") -> None:
 
 
 def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> None:
-    """Raise InvalidInput for the first name that is not known, with the nearest one that is."""
+    """Raise InvalidInput for the first name that is not known, with the nearest one that is.
+
+    That is one which differs in the case of letters alone, or else the most similar.
+    """
     known = list(known)
     for name in names:
         if name not in known:
-            close = get_close_matches(name, known, n=1)
+            same = [one for one in known if one.lower() == name.lower()]
+            close = same or get_close_matches(name, known, n=1)
             hint = f"; did you mean {close[0]}?" if close else ""
             raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
 

@@ -39,7 +39,8 @@ def fig3A_threshold():
 
 def fig3A_agreement():
     return 100 * (
-        am.theory(p).max_retrograde_speed / am.steady_states(p).fastest_stable.max_retrograde_speed
+        am.prediction(infinite_pressure(p)).max_retrograde_speed_at_v_p0
+        / am.steady_states(p).fastest_stable.max_retrograde_speed
         - 1
     )
 
@@ -82,6 +83,10 @@ def fig3D_v_p0():
 
 def fig3D_speed():
     return am.steady_states(p3d).fastest_stable.max_retrograde_speed
+
+
+def fig3D_speed_3D():
+    return am.simulate(p3d, mesh=am.Icosphere(3), progress=False).final.max_retrograde_speed
 
 
 def fig3D_rear():

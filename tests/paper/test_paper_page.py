@@ -22,8 +22,8 @@ ITEMS = tomllib.loads((Path(__file__).parent / "items.toml").read_text(encoding=
 NUMBERS = {item["id"]: item for item in ITEMS if item["kind"] == "number"}
 ANSWERED = [name for name in NUMBERS if hasattr(ours, name)]
 SLOW = {  # each solves for steady states or a branch, for seconds
-    "fig3A_agreement", "fig3B_fold", "fig3B_branches", "fig3D_speed", "fig3D_rear",
-    "fig3D_deformation", "flow_speed_exact",
+    "fig3A_agreement", "fig3B_fold", "fig3B_branches", "fig3D_speed", "fig3D_speed_3D",
+    "fig3D_rear", "fig3D_deformation", "flow_speed_exact",
 }  # fmt: skip
 VERDICTS = (
     "agrees", "as eta_s", "c_r = mu h", "corrected: ", "definition", "differs: ", "input",
@@ -161,6 +161,16 @@ def test_verdicts_are_those_that_the_page_explains():
         assert row["verdict"].startswith(VERDICTS), row
         if row["verdict"].startswith(("corrected", "differs")):
             assert "](" in row["verdict"] or row.get("made by"), row
+
+
+def test_the_page_begins_with_the_equations_that_it_corrects():
+    (told,) = re.findall(r"equations ([(), 0-9]+) of the SI", PAGE)
+    corrected = [
+        i["where"].partition(" ")[0]
+        for i in ITEMS
+        if i["kind"] == "equation" and ROW_AT[place(i)]["verdict"].startswith("corrected")
+    ]
+    assert told.split(", ") == corrected
 
 
 def test_links_lead_to_headings():

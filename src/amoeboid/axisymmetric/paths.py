@@ -116,10 +116,14 @@ class Path:
             if not arcs:
                 self._finer *= FINER
                 if self._finer > MAX_FINER:
+                    what = (
+                        "reaches zero"
+                        if point.parameter <= 0
+                        else "meets states of higher symmetry"
+                    )
                     raise Stalled(
-                        f"the branch meets states of higher symmetry between parameter = "
-                        f"{anchor.parameter:.10g} and {point.parameter:.10g}; the location was not "
-                        "found"
+                        f"the branch {what} between parameter = {anchor.parameter:.10g} and "
+                        f"{point.parameter:.10g}; the location was not found"
                     )
                 return anchor
             self.last = arcs[-1].b
@@ -172,8 +176,8 @@ class Path:
     def _ended(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
         """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`.
 
-        None if the branch passes through the sphere and none from there leads back to `anchor`: the
-        step was too long to tell what it has met.
+        Empty where the step was too long to tell what it has met: the branch passes through the
+        sphere and none from there leads back to `anchor`, or through zero, where it has no state.
         """
         if _reversed(self._deviation(anchor), self._deviation(point)):
             self.end = SPHERE
@@ -182,10 +186,23 @@ class Path:
             self.end = SYMMETRIC
             return self._to_symmetry(anchor, point, pending)
         if point.parameter <= 0:
+            if not self._reaches_zero(pending):
+                return []
             self.end = ZERO
         elif self.count > 2 and any(self._closes(arc) for arc in pending):
             self.end = CLOSED
         return pending
+
+    def _reaches_zero(self, pending: list[Arc]) -> bool:
+        """Whether the branch has a state at zero between these points.
+
+        A step beyond zero may have jumped to another branch, past the end of this one.
+        """
+        with suppress(Stalled):
+            return any(
+                at_value(arc, 0.0, self.options) is not None for arc in pending if arc.holds(0.0)
+            )
+        return False
 
     def _deviation(self, point: Point) -> Array:
         """The scaled difference of shape, flow and concentration from the sphere."""
@@ -240,12 +257,14 @@ class Path:
     def _to_symmetry(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
         """The arcs up to where what distinguishes front and rear vanishes."""
         reference = asymmetry(anchor)
-        meeting = located(
-            anchor,
-            _on_system_of(anchor, point, self.options),
-            lambda q: float(_product(reference, asymmetry(q))),
-            self.options,
-        )
+
+        def remaining(q: Point) -> float:
+            left = asymmetry(q)
+            # next to the meeting, Newton's method may find a symmetrical state
+            return _product(reference, left) if np.any(left) else np.nan
+
+        end = _on_system_of(anchor, point, self.options)
+        meeting = located(anchor, end, remaining, self.options)
         kept = [arc for arc in pending if arc.b.fold and arc.b.length < meeting.length]
         last = kept[-1].b if kept else anchor
         return [*kept, Arc(anchor, last, meeting)]

@@ -13,7 +13,7 @@ from amoeboid.figures.results import Results
 from amoeboid.figures.style import COLUMN, DPI, print_style
 from amoeboid.figures.tables import FigureData
 from amoeboid.model.parameters import Parameters
-from amoeboid.output.atomic import write_text
+from amoeboid.output.atomic import write_bytes, write_text
 from amoeboid.plotting.figures import new_figure, write_figure
 from amoeboid.validation import InvalidInput
 
@@ -95,9 +95,9 @@ class Figure:
             path = folder / f"{self.name}{f'-{key}' if len(data) > 1 else ''}.csv"
             write_text(path, table.csv(self._header(data)))
             written.append(path)
-        for ending, text in data.files.items():
+        for ending, content in data.files.items():
             path = folder / f"{self.name}.{ending}"
-            write_text(path, text)
+            write_bytes(path, content if isinstance(content, bytes) else content.encode())
             written.append(path)
         return written
 

@@ -114,7 +114,7 @@ class FigureData(Mapping[str, Table]):
     tables: Mapping[str, Table]
     notes: tuple[str, ...] = ()
     problems: tuple[str, ...] = ()
-    files: Mapping[str, str] = field(default_factory=dict)
+    files: Mapping[str, str | bytes] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Table:
         return self.tables[name]
@@ -136,6 +136,7 @@ SYMBOLS = {
     "eta_s": "$η_s$",
     "c_r": "$c_r$",
     "um": "\N{MICRO SIGN}m",
+    "umol": "\N{MICRO SIGN}mol",
 }
 
 
@@ -149,10 +150,10 @@ def label(words: str, unit: str) -> str:
 
 
 def drawn_unit(unit: str) -> str:
-    """A unit as pictures show it.
+    """A unit as pictures show it: symbols of the paper, raised powers.
 
-    >>> drawn_unit("R0 beta"), drawn_unit("um^2/s")
-    ('$R_0$ β', 'µm$^{2}$/s')
+    >>> drawn_unit("eta_s beta/R0"), drawn_unit("um^2/s")
+    ('$η_s$ β/$R_0$', 'µm$^{2}$/s')
     """
     names = "|".join(map(re.escape, SYMBOLS))
     drawn = re.sub(rf"\b({names})\b", lambda found: SYMBOLS[found.group()], unit)

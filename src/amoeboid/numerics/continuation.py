@@ -313,7 +313,8 @@ def located(
 ) -> Point:
     """The point between neighbors a and b of a branch where `test` changes sign.
 
-    If `after` is given, a point on the way, only beyond it.
+    `test` is NaN for points that are not on the branch. If `after` is given, a point on the way,
+    only beyond it.
 
     Newton's method has no chance at a point where branches cross; there the test is interpolated
     between points just beside it. Raises Stalled if those cannot be reached either.
@@ -326,10 +327,11 @@ def located(
     def at(distance: float) -> float:
         if distance not in known:
             found = at_distance(a, distance, options)
-            if found is None:
+            value = np.nan if found is None else test(found)
+            if found is None or np.isnan(value):
                 missed.append(distance)
                 raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
-            known[distance] = found, test(found)
+            known[distance] = found, value
         return known[distance][1]
 
     try:

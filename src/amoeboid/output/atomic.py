@@ -24,6 +24,15 @@ def write_text(path: Path, text: str) -> None:
     write_atomically(path, lambda p: _write(p, text))
 
 
+def write_bytes(path: Path, data: bytes) -> None:
+    """Write a file of bytes atomically."""
+    write_atomically(path, lambda p: _write_bytes(p, data))
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
 def _write(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 

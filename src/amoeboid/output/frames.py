@@ -17,6 +17,7 @@ from amoeboid.observables import retrograde_flow
 from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
+from amoeboid.surface.cell import SurfaceCell
 
 # How the arrays of a frame are stored: as they are, behind the text of the file.
 HEADER = 'byte_order="LittleEndian" header_type="UInt64"'
@@ -72,37 +73,38 @@ class FrameFiles:
 
 
 def write_frame(path: Path, step: Step) -> None:
-    """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields.
+    """Write one step as VTK PolyData (.vtp): nodes, triangles, and node fields."""
+    path.write_bytes(frame_bytes(step.state.r, step.model.mesh.faces, *frame_arrays(step.cell)))
+
+
+def frame_arrays(cell: SurfaceCell) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The fields of a frame at the nodes, and its numbers, by their names.
 
     Fields: c, v_p, v_c, v (frame of the nodes), retrograde_flow (frame of the cell), normal.
     """
-    state, flow = step.state, step.flow
     fields = {
-        "c": state.c,
-        "v_p": flow.v_p,
-        "v_c": flow.v_c,
-        "v": flow.v,
-        "retrograde_flow": retrograde_flow(step.cell),
-        "normal": flow.normals,
+        "c": cell.c,
+        "v_p": cell.v_p,
+        "v_c": cell.v_c,
+        "v": cell.v,
+        "retrograde_flow": retrograde_flow(cell),
+        "normal": cell.normals,
     }
-    numbers: dict[str, ArrayLike] = {"t": [state.t], "zeta0": [state.zeta0]}
-    numbers["cortex_drag_position"] = state.position
-    _write(path, state.r, step.model.mesh.faces, fields, numbers)
+    numbers = {"t": np.array([cell.t]), "zeta0": np.array([cell.zeta0])}
+    numbers["cortex_drag_position"] = cell.state.position
+    return fields, numbers
 
 
 def write_initial(path: Path, cell: InitialCell) -> None:
     """Write a cell that a run starts as; `initial.from_frame` reads it."""
-    _write(path, cell.r, cell.faces, {"c": cell.c}, {"t": [0.0], "zeta0": [cell.zeta0]})
+    numbers = {"t": np.zeros(1), "zeta0": np.array([cell.zeta0])}
+    path.write_bytes(frame_bytes(cell.r, cell.faces, {"c": cell.c}, numbers))
 
 
-def _write(
-    path: Path,
-    r: Array,
-    faces: Index,
-    fields: Mapping[str, Array],
-    numbers: Mapping[str, ArrayLike],
-) -> None:
-    """Write nodes, triangles, fields at the nodes and numbers as VTK PolyData."""
+def frame_bytes(
+    r: Array, faces: Index, fields: Mapping[str, Array], numbers: Mapping[str, Array]
+) -> bytes:
+    """A file of VTK PolyData: nodes (V, 3), triangles (F, 3), and what `frame_arrays` gives."""
     blocks = _Blocks()
     corners = 3 * np.arange(1, len(faces) + 1)
     lines = [
@@ -126,7 +128,7 @@ def _write(
         f"{APPENDED}_",
     ]  # fmt: skip
     end = b"\n</AppendedData>\n</VTKFile>\n"
-    path.write_bytes(b"".join(["\n".join(lines).encode(), *blocks.data, end]))
+    return b"".join(["\n".join(lines).encode(), *blocks.data, end])
 
 
 class _Blocks:

@@ -50,7 +50,7 @@ def draw(path: str, scene: Scene) -> None:
     canvas.surface(r, scene["normals"], scene["faces"], (scene["c"] - low) / (high - low))
     if moving:
         longest = ARROW * R0 / float(scene["fastest"])
-        for k in _spread_out(r, ARROWS):
+        for k in spread_out(r, ARROWS):
             canvas.arrow(r[k] + 0.02 * R0 * scene["normals"][k], longest * scene["flow"][k], INK)
         start = (np.min(r @ rear) - 0.12 * R0) * rear
         canvas.arrow(start, -0.55 * R0 * rear, ORANGE, head=0.32, width=0.035)
@@ -124,7 +124,7 @@ def _view_axes(vector: Array) -> tuple[Array, Array]:
     return rear, side / np.linalg.norm(side)
 
 
-def _spread_out(r: Array, count: int) -> NDArray[np.int64]:
+def spread_out(r: Array, count: int) -> NDArray[np.int64]:
     """Indices of about `count` nodes evenly spread: farthest-point sampling."""
     chosen = [0]
     distance = np.linalg.norm(r - r[0], axis=1)
