@@ -139,8 +139,8 @@ def branch(
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
     `steady_state` that has a mesh; or a bifurcation of such a branch, the branch that leaves there:
     circles and helices. It is followed through folds until it leaves the window, meets the
-    sphere, or circles become straight. `stability`: find the growth rates of all cells, and where stability is gained or lost;
-    False saves most of the time. With physical parameters, the ends are quantities such as
+    sphere, or circles become straight. `stability`: find the growth rates of all cells, and where
+    stability is gained or lost; False saves most of the time. With physical parameters, the ends are quantities such as
     "2 um/s". `max_step` is the longest step along the branch, `max_points` the largest number of
     points; `watch` is called with every step.
 

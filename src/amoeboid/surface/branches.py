@@ -74,9 +74,9 @@ def branch_from(
     options: Options,
     seen: Callable[[int, Found], None] = lambda *_: None,
 ) -> Followed:
-    """The branch from `first` through `second` until it leaves the window or comes to mirror images.
+    """The branch from `first` through `second` until it leaves the window or only repeats itself.
 
-    These follow where it meets the sphere, and circles where they meet straight cells.
+    Mirror images follow where it meets the sphere, and where circles meet straight cells.
     """
     low, high = sorted(window)
     points, folds = [(0.0, first)], list[tuple[float, Found]]()
