@@ -138,11 +138,11 @@ def branch(
     With `mesh`, `Icosphere(3)`, that of 3D cells through the fastest axisymmetric state at `end`,
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
     `steady_state` that has a mesh; or a bifurcation of such a branch, the branch that leaves there:
-    circles and helices. It is followed through folds until it leaves the window, meets the
-    sphere, or circles become straight. `stability`: find the growth rates of all cells, and where
-    stability is gained or lost; False saves most of the time. With physical parameters, the ends are quantities such as
-    "2 um/s". `max_step` is the longest step along the branch, `max_points` the largest number of
-    points; `watch` is called with every step.
+    circles and helices. It is followed through folds until it leaves the window, meets the sphere,
+    or circles become straight. `stability`: find the growth rates of all cells, and where stability
+    is gained or lost; False saves most of the time. With physical parameters, the ends are
+    quantities such as "2 um/s". `max_step` is the longest step along the branch, `max_points` the
+    largest number of points; `watch` is called with every step.
 
     Raises InvalidInput for a parameter or a window that cannot be, and where there is no state to
     begin with.
@@ -314,32 +314,37 @@ class _Traced:
         return cell.parameters.value(self.name)
 
     def _located(self, s: float, a: SteadyCell, t: float, b: SteadyCell) -> CellBifurcation:
-        """The point between two cells at which the largest growth rate is zero."""
+        """The point between two cells at which the largest growth rate is zero. Raises NotSteady.
+
+        To the error of that rate: by secants within a bracket, and its halves in turn.
+        """
         model_at = self._models(a.model)
-        known = [(self._value(c), c.growth(MAX_ERROR)[0].rate, c) for c in (a, b)]
-        for _ in range(MAX_TRIALS):
-            (p, f, beside), (q, g, _) = known
-            if f is None or g is None or f == g:
+        ends = [(self._value(cell), cell.growth(MAX_ERROR)[0].rate, cell) for cell in (a, b)]
+        for count in range(MAX_TRIALS):
+            (p, f, beside), (q, g, _) = ends
+            if f is None or g is None or f * g > 0.0:
                 break
-            at = q - g * (q - p) / (g - f)
-            low, high = sorted((self._value(a), self._value(b)))
-            at = float(np.clip(at, low, high))
+            share = 0.5 if count % 3 == 2 else float(np.clip(f / (f - g), 0.05, 0.95))
+            at = p + share * (q - p)
             cell = shown_cell(found_from(model_at(at), _moving(beside), at))
             growth, mode = cell.growth(MAX_ERROR)
-            known = sorted([*known, (at, growth.rate, cell)], key=lambda one: abs(one[1] or np.inf))
-            known = known[:2]
-            near = abs(known[0][0] - known[1][0]) < EXACT * self.options.scale
-            if near or at in (p, q) or abs(growth.rate or 0.0) <= growth.error:
+            if growth.rate is None or mode is None:
                 break
-        else:
-            raise NotSteady(f"between {p:.6g} and {q:.6g} the growth rate has no zero")
-        if mode is None:
-            raise NotSteady("no growth rate is found")
-        share = (at - self._value(a)) / (self._value(b) - self._value(a))
+            exact = abs(q - p) < EXACT * self.options.scale
+            if abs(growth.rate) <= growth.error or exact:
+                share = (at - self._value(a)) / (self._value(b) - self._value(a))
+                return self._bifurcation(cell, mode, s + share * (t - s))
+            ends[0 if growth.rate * f > 0.0 else 1] = (at, growth.rate, cell)
+        low, high = (self._value(cell) for cell in (a, b))
+        raise NotSteady(f"no zero of the growth rate is found between {low:.6g} and {high:.6g}")
+
+    def _bifurcation(
+        self, cell: SteadyCell, mode: NDArray[np.complex128], length: float
+    ) -> CellBifurcation:
         kind = HOPF if _oscillates(mode) else BIFURCATION
         real = mode.real if np.abs(mode.real).max() >= np.abs(mode.imag).max() else mode.imag
         m = _azimuthal_number(cell, real) if cell.path == "straight" else None
-        return CellBifurcation(kind, self.name, m, cell, 0, s + share * (t - s), real)
+        return CellBifurcation(kind, self.name, m, cell, 0, length, real)
 
 
 def _moving(cell: SteadyCell) -> Moving:
