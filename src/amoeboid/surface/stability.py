@@ -3,7 +3,7 @@
 An implicit Euler step of length dt multiplies a perturbation of growth rate lambda by the factor
 mu = 1/(1 - lambda dt). Arnoldi's iteration finds the outlying eigenvalues mu of the linearized
 step. They belong to the slowest modes; mu is near 0 for all others (L. S. Tuckerman and D. Barkley,
-in IMA Volumes 119, 453, 2000). With dt = 1/rate only few mu are outlying. The linearized step
+in IMA Volumes 119, 453, 2000). With dt = 2/rate only few mu are outlying. The linearized step
 (`linearized.py`) may be longer than any step of a run. Where filaments are swept to the rear the
 map is far from normal, and small errors of the map cause larger errors of lambda. Every growth rate
 therefore comes with an estimate of its error.
