@@ -1,4 +1,6 @@
 import json
+import os
+import pickle
 import re
 import time
 import xml.etree.ElementTree as ElementTree
@@ -9,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import pyvista as pv
+from benchmarks.kills import killed_runs
 
 from amoeboid.cli.main import main
 from amoeboid.config import (
@@ -29,6 +32,7 @@ from amoeboid.output.atomic import write_atomically, write_text
 from amoeboid.output.folder import new_folder, new_run, resumed_run, stored_config
 from amoeboid.output.timeseries import read_table
 from amoeboid.simulation.loop import evolve, start
+from amoeboid.simulation.rows import Rows
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
@@ -398,22 +402,28 @@ def test_a_save_reads_and_writes_no_more_the_longer_the_run(tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_the_cost_of_a_frame_is_the_same_after_ten_thousand(tmp_path):
-    config = replace(CONFIG, output=Output(interval=1e-3))
+def test_cost_and_memory_of_a_frame_are_the_same_after_ten_thousand(tmp_path):
+    """642 nodes; memory as the system counts it, which it does on Linux alone."""
+    config = replace(CONFIG, mesh=Mesh(subdivisions=3), output=Output(interval=1e-3))
     step = start(config)
     run = new_run(new_folder(tmp_path / "run"), config)
     run.take(step)
     step = next(evolve(step, CONFIG.time))
-    spent = []
+    spent, used, statm = [], [], Path("/proc/self/statm")
     for _ in range(10_000):
         later = tuple(replace(s, t=s.t + 1e-3) for s in step.history)
         step = replace(step, history=later, number=step.number + 1)
         began = time.process_time()
         run.take(step)
         spent.append(time.process_time() - began)
+        if statm.is_file():
+            used.append(int(statm.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE"))
     early, late = np.median(spent[100:1000]), np.median(spent[-900:])
     print(f"{1e3 * early:.2f} ms a frame after 100 frames, {1e3 * late:.2f} ms after 9100")
-    assert late < 1.3 * early
+    assert late < 1.2 * early
+    if used:
+        print(f"{(used[-1] - used[999]) / 2**20:.1f} MB more after 10000 frames than after 1000")
+        assert used[-1] - used[999] < 8 * 2**20  # 360 bytes a row, as numbers
 
 
 @pytest.mark.parametrize("torn", ["7,0.3", "7,0.3,1\n", "\0", '"'])
@@ -627,3 +637,26 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path,
     (folder / "config.toml").unlink()
     assert main(["run", "-o", str(folder)]) == 2
     assert "--resume" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("kills", "subdivisions", "end"),
+    [(1, 1, 0.5), pytest.param(20, 2, 10.0, marks=pytest.mark.slow)],
+)
+def test_killed_runs_are_resumed_bit_for_bit(kills, subdivisions, end, tmp_path):
+    assert killed_runs(tmp_path, kills, subdivisions, end) == kills
+
+
+def test_rows_are_given_back_as_they_were_appended():
+    """Also where columns begin or end on the way; whole numbers stay whole."""
+    given = [{"step": 0, "t": 0.0}, {"step": 1, "t": 0.1, "a": 2.0}, {"step": 2, "t": 0.3}]
+    rows = Rows(given)
+    assert list(rows) == given
+    assert rows == given
+    assert rows[1:] == given[1:]
+    assert rows[-1] == given[-1]
+    assert json.dumps(rows[1]) == json.dumps(given[1])
+    with pytest.raises(IndexError):
+        rows[3]
+    assert pickle.loads(pickle.dumps(rows)) == given  # noqa: S301
+    assert len(repr(rows)) < 200

@@ -2,6 +2,8 @@
 
 import os
 
+from amoeboid.threads import VARIABLES
+
 # Threads hurt on matrices of this size; one run is one thread, and many runs go in parallel.
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+for _name in VARIABLES:
     os.environ.setdefault(_name, "1")

@@ -43,8 +43,8 @@ from amoeboid.output.timeseries import TimeSeriesFile
 from amoeboid.output.versions import installed_versions
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.loop import start
+from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import Row
 from amoeboid.simulation.writers import checked, finish, take
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
@@ -86,7 +86,7 @@ class RunFolder:
         return self._last is not None
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> Rows:
         """The rows of the time series."""
         return self.series.rows
 

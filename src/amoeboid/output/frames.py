@@ -30,15 +30,18 @@ class FrameFiles:
 
     def __init__(self, folder: Path, schedule: Schedule) -> None:
         self.folder, self.schedule = folder, schedule
-        self.written: list[tuple[float, str]] = []
         self.times = array("d")
         self._collection = GrowingFile(folder / "frames.pvd", _COLLECTION_END)
 
     def continued(self, times: Sequence[float], t: float) -> None:
         """Take up the frames at `times` of a run that stands at time t."""
-        self.written = [(time, frame_name(count)) for count, time in enumerate(times)]
         self.times = array("d", times)
         self.schedule.latest = t
+
+    @property
+    def written(self) -> list[tuple[float, str]]:
+        """Times and names of the frames written so far."""
+        return [(t, frame_name(count)) for count, t in enumerate(self.times)]
 
     def due(self, step: Step) -> list[float]:
         """Times of the frames within a step."""
@@ -46,18 +49,17 @@ class FrameFiles:
 
     def write(self, step: Step) -> None:
         """Write a frame, and add it to the list."""
-        name = frame_name(len(self.written))
+        name = frame_name(len(self.times))
         (self.folder / "frames").mkdir(exist_ok=True)
         write_atomically(self.folder / "frames" / name, lambda p: write_frame(p, step))
         t = step.state.t
-        self.written.append((t, name))
         self.times.append(t)
         self.schedule.latest = t
         self._collection.extend(_entry(t, name), lambda: _collection(self.kept()))
 
     def finish(self, step: Step) -> None:
         """Write the frame of the last step, unless the frames are at times that were asked for."""
-        if not self.schedule.times and (not self.written or self.written[-1][0] < step.state.t):
+        if not self.schedule.times and (not self.times or self.times[-1] < step.state.t):
             self.write(step)
 
     def kept(self) -> list[tuple[float, str]]:

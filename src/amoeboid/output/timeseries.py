@@ -16,11 +16,10 @@ from pathlib import Path
 
 from amoeboid.config import Config
 from amoeboid.output.atomic import GrowingFile
+from amoeboid.simulation.rows import WHOLE, Row, Rows
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import STEP_UNITS, Row, TimeSeries
+from amoeboid.simulation.timeseries import STEP_UNITS, TimeSeries
 from amoeboid.validation import InvalidInput
-
-_WHOLE = {"step", "rejected"}
 
 
 class TimeSeriesFile(TimeSeries):
@@ -56,7 +55,8 @@ class TimeSeriesFile(TimeSeries):
 
         Raises InvalidInput, OSError.
         """
-        columns, self.rows = read_table(self.path, last)
+        columns, rows = read_table(self.path, last)
+        self.rows = Rows(rows)
         known = units | self.units
         self.units = {name: known.get(name) for name in (*columns, *self.units)}
 
@@ -102,7 +102,7 @@ def _place(row: Row) -> tuple[float, float]:
 def _row(columns: Sequence[str], line: Sequence[str]) -> Row:
     """The numbers of a line; an empty cell of an observable is none."""
     return {
-        name: int(cell) if name in _WHOLE else float(cell)
+        name: int(cell) if name in WHOLE else float(cell)
         for name, cell in zip(columns, line, strict=True)
         if cell or name in STEP_UNITS
     }

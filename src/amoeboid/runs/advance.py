@@ -15,9 +15,10 @@ from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import Event
 from amoeboid.simulation.loop import evolve
+from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.step_length import Diverged
-from amoeboid.simulation.timeseries import Row, TimeSeries
+from amoeboid.simulation.timeseries import TimeSeries
 from amoeboid.simulation.writers import checked, finish, take
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from amoeboid.simulation.timeseries import Row
+from amoeboid.simulation.rows import Row
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput
 

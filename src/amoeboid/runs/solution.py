@@ -29,8 +29,9 @@ from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import declared, times_of
 from amoeboid.simulation.loop import start
+from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import Row, TimeSeries
+from amoeboid.simulation.timeseries import TimeSeries
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
 
@@ -77,7 +78,7 @@ class Solution(Run):
         config = replace(self.config, time=time)
         check_continues(self.last, resolved(config).time, events)
         record = _record(config, self.observe, writers, self.frames)
-        record.series.rows, record.series.units = list(self.rows), dict(self.units)
+        record.series.rows, record.series.units = Rows(self.rows), dict(self.units)
         record.continued(self.last)
         return _solved(config, self.last, record, events, progress, self.observe, self.cell)
 
@@ -88,7 +89,7 @@ class Solution(Run):
         """
         path = new_folder(Path(folder))
         run = new_run(path, self.config, self.adapted, (), self.observe, self.cell)
-        run.series.rows, run.series.units = list(self.rows), dict(self.units)
+        run.series.rows, run.series.units = Rows(self.rows), dict(self.units)
         for frame in self.frames:
             run.frames.write(
                 replace(self.last, model=frame.model, history=(frame.state,), flow=frame.flow)

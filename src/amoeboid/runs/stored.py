@@ -24,8 +24,8 @@ from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.events import declared
+from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import Row
 from amoeboid.validation import InvalidInput
 
 _ENTRY = re.compile(r'timestep="([^"]+)" part="0" file="frames/(frame_\d+\.vtp)"')

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
@@ -78,5 +79,5 @@ class Schedule:
         """The times after `latest` up to t; of an interval t itself if there was none before."""
         if self.times:
             after = -math.inf if self.latest is None else self.latest
-            return [x for x in self.times if after < x <= t]
+            return list(self.times[bisect_right(self.times, after) : bisect_right(self.times, t)])
         return [t] if self.latest is None else list(due_times(self.latest, t, self.interval))

@@ -20,9 +20,11 @@ from amoeboid.simulation.step_length import next_step
 from amoeboid.surface.initial import first_flow, initial_condition
 from amoeboid.surface.steadiness import relative_rate
 from amoeboid.surface.stepping import StepFailed
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 
+@one_thread
 def start(config: Config, cell: InitialCell | None = None) -> Step:
     """The initial step of a configuration, with `cell` that of its shape and concentration.
 
@@ -62,8 +64,9 @@ def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[St
     every = [*events, *events_of(time)]
     step = first
     while step.state.t < time.end:
-        step = next_step(step, time)
-        step = replace(step, ended=reason(step, every))
+        with one_thread:
+            step = next_step(step, time)
+            step = replace(step, ended=reason(step, every))
         yield step
         if step.ended:
             return

@@ -11,6 +11,7 @@ from amoeboid.config import Config
 from amoeboid.observables import observed, selected
 from amoeboid.observables import units as observable_units
 from amoeboid.simulation.changes import input_units, input_values
+from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -26,8 +27,6 @@ STEP_UNITS: dict[str, str | None] = {
     "rate": "1",
     **dict.fromkeys(POSITION, "L"),
 }
-
-Row = dict[str, float]
 
 
 def column_units(
@@ -91,7 +90,7 @@ class TimeSeries:
     def __init__(self, observe: Iterable[str] | None = None, config: Config | None = None) -> None:
         self.observe = None if observe is None else tuple(selected(observe))
         self.units = column_units(self.observe, config)
-        self.rows: list[Row] = []
+        self.rows = Rows()
 
     def due(self, step: Step) -> bool:
         """Every step has a row."""

@@ -35,6 +35,7 @@ from amoeboid.studies.columns import (
     with_units,
 )
 from amoeboid.studies.states import SHOWN, SteadyState, states_columns, states_rows
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 FOLD, HOPF, BIFURCATION = "fold", "Hopf bifurcation", "bifurcation"
@@ -266,6 +267,7 @@ def _listed(texts: Sequence[str]) -> str:
     return f"{', '.join(texts[:MAX_LISTED])}{more}"
 
 
+@one_thread
 def branch(
     p: Parameters,
     name: str = "v_p0",

@@ -33,6 +33,7 @@ from amoeboid.studies.columns import (
     value_of,
     with_units,
 )
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 MAX_GRID = 500
@@ -197,6 +198,7 @@ class PhaseDiagram:
         )
 
 
+@one_thread
 def phase_diagram(
     p: Parameters,
     name: str = "D",

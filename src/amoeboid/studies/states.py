@@ -36,6 +36,7 @@ from amoeboid.studies.columns import (
     unit,
     with_units,
 )
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 SHOWN = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "deformation")
@@ -101,6 +102,7 @@ class SteadyState:
             raise InvalidInput(f"the azimuthal number m must be a whole number >= 0, got {m!r}")
         return quantity(self.parameters, self._rates(int(m)), "1/T")
 
+    @one_thread
     def _rates(self, m: int) -> Array:
         if m not in self._known_rates:
             self._known_rates[m] = growth_rates(self.solution, m)
@@ -297,6 +299,7 @@ def states_columns(p: Parameters, states: Sequence[SteadyState]) -> dict[str, Co
     return found
 
 
+@one_thread
 def steady_states(
     p: Parameters, degrees: tuple[int, ...] = (1, 2, 3), watch: Watch = unwatched
 ) -> SteadyStates:

@@ -153,8 +153,6 @@ def draw(data: FigureData, axes: Any) -> None:
     for name, c0, D in zip(points["point"], points["c0"], points["D"], strict=True):
         axes.plot(c0, D, "o", color=INK, ms=4, mec="w", mew=0.6, zorder=5, clip_on=False)
         axes.annotate(name, (c0, D), (4, 3), textcoords="offset points", fontsize=7, zorder=5)
-    axes.text(1.2, 0.04, "supercritical", fontsize=7)
-    axes.text(3.35, 0.72, "subcritical", fontsize=7, color="w")
     axes.set_xlim(C0[0] - SPACING[0] / 2, C0[-1] + SPACING[0] / 2)
     axes.set_ylim(0.0, D_BAR[-1] + SPACING[1] / 2)
     axes.set_xlabel("concentration $c_0/c_r$")
@@ -169,6 +167,11 @@ def _draw_widths(grid: Table, axes: Any) -> None:
     shown = np.ma.masked_where(~(width > 0), width)
     mesh = axes.pcolormesh(C0, D_BAR, shown.T, cmap=COLOR_MAP, vmin=0.0, shading="nearest")
     axes.figure.colorbar(mesh, ax=axes, label="bistable below threshold [%]", pad=0.02)
+    for corner, place in ((0, "left"), (-1, "right")):  # what lies in two opposite corners
+        if np.isfinite(width[corner, corner]):
+            kind = "subcritical" if width[corner, corner] > 0 else "supercritical"
+            color = "w" if width[corner, corner] > np.nanmax(width) / 2 else INK
+            axes.text(C0[corner], D_BAR[corner], kind, fontsize=7, ha=place, color=color)
     for c0, D in zip(*(grid[key][~grid["resolved"]] for key in ("c0", "D")), strict=True):
         low = (c0 - SPACING[0] / 2, D - SPACING[1] / 2)
         axes.add_patch(_crossed(low))

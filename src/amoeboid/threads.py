@@ -1,0 +1,49 @@
+"""One thread for linear algebra while the package computes, and as many as before after it.
+
+The matrices are small: threads take longer to start than to compute, and many runs go in parallel.
+Who sets one of `VARIABLES` in the environment decides instead.
+"""
+
+from __future__ import annotations
+
+import os
+from contextlib import ContextDecorator
+from threading import Lock
+from typing import Any
+
+VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+class _OneThread(ContextDecorator):
+    """Limits the libraries when the first call in the program begins, until the last one ends."""
+
+    def __init__(self) -> None:
+        self._lock, self._count = Lock(), 0
+        self._libraries: Any = None
+        self._limit: Any = None
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if self._count == 0 and not any(name in os.environ for name in VARIABLES):
+                self._limit = self._found().limit(limits=1, user_api="blas")
+            self._count += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._count -= 1
+            if self._count == 0 and self._limit is not None:
+                self._limit.restore_original_limits()
+                self._limit = None
+
+    def _found(self) -> Any:
+        """The libraries that are loaded; they are looked for once, which takes milliseconds."""
+        if self._libraries is None:
+            import scipy.linalg  # noqa: F401  (brings a library of its own)
+            from threadpoolctl import ThreadpoolController
+
+            self._libraries = ThreadpoolController()
+        return self._libraries
+
+
+one_thread = _OneThread()
+"""As `with one_thread:`, or above a function as `@one_thread`."""
