@@ -35,6 +35,7 @@ from amoeboid.surface.branches import FIRST, MIN_POLARITY, Followed, Options, br
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
 from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_plane
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 # Where a branch gains or loses stability, the growth rate is found to this error, in units of the
@@ -119,6 +120,7 @@ class CellBranch(Branch):
         return found
 
 
+@one_thread
 def branch(
     p: Parameters,
     name: str = "v_p0",

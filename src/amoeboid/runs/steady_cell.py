@@ -29,6 +29,7 @@ from amoeboid.surface.stability import MAX_ERROR, Growth, leading_mode
 from amoeboid.surface.state import State
 from amoeboid.surface.steadiness import SLOW_ROTATION
 from amoeboid.surface.steady import Found, NotSteady, steady_cell
+from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
 # A cell that is less polar than this share of its start is another one.
@@ -111,6 +112,7 @@ class SteadyCell(Snapshot):
     def _growth(self) -> Growth:
         return self.growth(MAX_ERROR)[0]
 
+    @one_thread
     def growth(self, max_error: float) -> tuple[Growth, NDArray[np.complex128] | None]:
         """The fastest perturbation: its growth rate, to an error in units of the rate, and itself.
 
@@ -206,6 +208,7 @@ class SteadyCell(Snapshot):
         return html_table(heading, rows, notes=notes) + html_picture(self, "runs.draw_cell")
 
 
+@one_thread
 def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> SteadyCell:
     """The steady cell in 3D near a start, solved for by accelerated iterations.
 

@@ -44,7 +44,7 @@ STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
 TOLERANCE = 3e-5
 # Factors mu below this belong to modes that decay within a step, or are noise.
-MIN_FACTOR = 0.1
+MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
 MAX_ERROR = 0.02
 # If the sign of the growth rate is not certain, the error is reduced further, down to this.
