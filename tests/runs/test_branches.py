@@ -95,10 +95,10 @@ def test_a_circle_leaves_the_straight_cell_where_a_mode_of_m_1_is_neutral():
     # the error of 162 nodes
     assert abs(point.number - ONSET) < 0.04
     assert abs(point.state.number("growth_rate")) < 1e-3
-    assert left.states[0].path == "straight"
-    assert {cell.path for cell in left.states[1:]} == {"circle"}
+    assert left.bifurcations[0].number == point.number
+    assert {cell.path for cell in left.states} == {"circle"}
     # supercritical: the square of the turning grows in proportion, 0.28 to 0.29 without a mesh
-    near = left.states[1]
+    near = left.states[0]
     share = near.number("turning") ** 2 / (near.parameters.v_p0 - point.number)
     assert share == pytest.approx(0.285, rel=0.1)
     assert near.stability == "stable"

@@ -173,7 +173,8 @@ def branch(
             f"the branch must begin at a steady cell, none is reached: {error}; give one by "
             "through = amoeboid.steady_state(...)"
         ) from None
-    return traced.shown(parts, stability, isinstance(through, CellBifurcation))
+    begins = through if isinstance(through, CellBifurcation) else None
+    return traced.shown(parts, stability, begins)
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,10 +253,12 @@ class _Traced:
                 why = str(error)
         raise NotSteady(f"no cell beside the bifurcation at {q:.8g} is found: {why}")
 
-    def shown(self, parts: Sequence[Followed], stability: bool, leaving: bool) -> CellBranch:
+    def shown(
+        self, parts: Sequence[Followed], stability: bool, begins: CellBifurcation | None
+    ) -> CellBranch:
         """The branch as users see it, its parts joined at the first cell.
 
-        One that is `leaving` another begins where a mode is neutral.
+        One that `begins` at a bifurcation has that among its own.
         """
         points, folds = [*parts[-1].points], [*parts[-1].folds]
         if len(parts) == 2:  # the first one leads back to the start of the window
@@ -267,6 +270,10 @@ class _Traced:
                 ]
                 for behind, ahead in ((back.points[1:], points), (back.folds, folds))
             )
+        bifurcations: list[SpecialPoint] = []
+        if begins is not None:
+            points = points[1:]
+            bifurcations = [replace(begins, piece=0, length=0.0)]
         lengths = tuple(length for length, _ in points)
         cells = tuple(shown_cell(found) for _, found in points)
         special = [
@@ -274,10 +281,9 @@ class _Traced:
             for length, found in folds
         ]
         problems = [f"the branch ends early: {part.message}" for part in parts if part.message]
-        bifurcations: list[SpecialPoint] = []
         if stability:
-            skipped = 1 if leaving else 0
-            bifurcations, unsure = self._bifurcations(lengths[skipped:], cells[skipped:], folds)
+            found, unsure = self._bifurcations(lengths, cells, folds)
+            bifurcations += found
             problems += unsure
         return CellBranch(
             parameters=self.p,
