@@ -76,8 +76,7 @@ def page(scene: Scene) -> str:
         "low": f"{low:.4g}",
         "high": f"{high:.4g}",
         "rows": rows,
-        # an end tag within the data would end it
-        "data": json.dumps(data, separators=(",", ":")).replace("</", "<\\/"),
+        "data": json.dumps(data, separators=(",", ":")),  # numbers and colors, no words
     }
     text = (files("amoeboid.figures") / "page.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: words[found.group(1)], text)

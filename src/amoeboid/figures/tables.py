@@ -24,6 +24,7 @@ NATURAL = {
     "L/T": "R0 beta",
     "1/T": "beta",
     "L^2/T": "R0^2 beta",
+    "N": "R0^2 c_r",
     "N/L^2": "c_r",
     "M/T": "eta_s",
     "M/T^2": "eta_s beta",

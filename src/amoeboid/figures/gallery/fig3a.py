@@ -4,21 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.figures import computed, drawing
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData
 from amoeboid.model.parameters import Parameters
-from amoeboid.plotting.palette import GRAY, INK
 from amoeboid.studies.columns import text
 
 SUBDIVISIONS = 3  # the paper's 642 nodes
 LOW, HIGH = 0.97, 1.13  # window of v_p0, in thresholds
 RUNS = (0.98, 0.99, 1.005, 1.01, 1.02, 1.035, 1.05, 1.07, 1.09, 1.11, 1.125)
-START = 0.01  # the paper's 0.03, as a share of c0
 
 
 def compute(p: Parameters, results: Results) -> FigureData:
@@ -28,28 +24,33 @@ def compute(p: Parameters, results: Results) -> FigureData:
     branch = results.of(
         computed.branch_points, p, "v_p0", low, high, 0.05, task="axisymmetric branch"
     )
-    speeds = np.array(RUNS) * threshold
-    runs = computed.mesh_runs(p, results, speeds, SUBDIVISIONS, START * p.c0)
+    speeds = [share * threshold for share in RUNS]
+    runs = computed.mesh_runs(p, results, speeds, SUBDIVISIONS, computed.WEAK * p.c0)
     return FigureData(
         parameters=p,
         tables={
-            "theory": computed.theory_table(p, np.linspace(low, high, 161)),
+            "theory": computed.theory_table(p, computed.spread(low, threshold, high)),
             "branch": computed.branch_table(p, "v_p0", branch),
+            "threshold": computed.threshold_table(p, threshold),
             "runs": computed.runs_table(p, "v_p0", speeds, runs),
         },
-        notes=(f"threshold v_p^c = {text(p, threshold, 'L/T', '#.8g')}",),
-        problems=tuple(branch["problems"]),
+        notes=(
+            f"threshold v_p^c = {text(p, threshold, 'L/T', '#.8g')}",
+            *computed.jumps(p, speeds, runs, "from the weak start"),
+        ),
+        problems=(*branch["problems"], *computed.not_steady(p, speeds, runs)),
     )
 
 
 def draw(data: FigureData, axes: Any) -> None:
     """The retrograde flow over the polymerization speed."""
-    theory, runs = data["theory"], data["runs"]
-    axes.plot(theory["v_p0"], theory["at_infinite_pressure"], color=GRAY, lw=1.0, label="theory")
+    drawing.draw_theory(axes, data["theory"])
     drawing.draw_branch(axes, data["branch"])
-    axes.plot(runs["v_p0"], runs["max_retrograde_speed"], "x", color=INK, label="3D, 642 nodes")
-    drawing.name_axes(axes, runs, "v_p0", "max_retrograde_speed")
-    axes.legend(loc="upper left")
+    drawing.draw_runs(axes, data["runs"], "3D, 642 nodes")
+    drawing.mark_threshold(axes, data["threshold"])
+    drawing.name_axes(axes, data["runs"], "v_p0", "max_retrograde_speed")
+    drawing.show_window(axes, data["theory"]["v_p0"])
+    drawing.legend_above(axes)
 
 
 FIGURE = Figure(
@@ -59,5 +60,6 @@ FIGURE = Figure(
     parameters=Parameters(),
     compute=compute,
     draw=draw,
+    size=(3.4, 2.8),
     varies=frozenset({"v_p0"}),
 )

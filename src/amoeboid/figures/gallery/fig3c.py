@@ -167,11 +167,11 @@ def _draw_widths(grid: Table, axes: Any) -> None:
     shown = np.ma.masked_where(~(width > 0), width)
     mesh = axes.pcolormesh(C0, D_BAR, shown.T, cmap=COLOR_MAP, vmin=0.0, shading="nearest")
     axes.figure.colorbar(mesh, ax=axes, label="bistable below threshold [%]", pad=0.02)
-    for corner, place in ((0, "left"), (-1, "right")):  # what lies in two opposite corners
-        if np.isfinite(width[corner, corner]):
-            kind = "subcritical" if width[corner, corner] > 0 else "supercritical"
-            color = "w" if width[corner, corner] > np.nanmax(width) / 2 else INK
-            axes.text(C0[corner], D_BAR[corner], kind, fontsize=7, ha=place, color=color)
+    for k, m, side in ((0, 1, "left"), (-1, -1, "right")):  # what lies at two sides
+        if np.isfinite(width[k, m]):
+            kind = "subcritical" if width[k, m] > 0 else "supercritical"
+            color = "w" if width[k, m] > np.nanmax(width) / 2 else INK
+            axes.text(C0[k], D_BAR[m], kind, fontsize=7, ha=side, color=color)
     for c0, D in zip(*(grid[key][~grid["resolved"]] for key in ("c0", "D")), strict=True):
         low = (c0 - SPACING[0] / 2, D - SPACING[1] / 2)
         axes.add_patch(_crossed(low))
