@@ -5,9 +5,12 @@ import pytest
 
 from amoeboid.axisymmetric.evolution import Dynamics, state_of
 from amoeboid.axisymmetric.harmonics import harmonics
+from amoeboid.axisymmetric.onset import onset_speeds, onsets
+from amoeboid.axisymmetric.phase_diagram import _resting
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import (
     growth_rates,
+    is_stable,
     reduced_matrix,
     spectrum,
     sphere_block,
@@ -194,3 +197,30 @@ def test_that_not_all_growing_modes_are_counted_is_said():
 def test_cells_beyond_double_precision_are_rejected(change):
     with pytest.raises(InvalidInput, match=r"must be|beyond double precision"):
         steady_solutions(Parameters(**change), (1,))
+
+
+@pytest.mark.parametrize(
+    "p",
+    [
+        Parameters(),
+        Parameters(D=0.4, c0=1.7, alpha=0.3, R0=2.0),
+        Parameters(law="inverse", beta=0.0),
+        Parameters(law="v_p0/(1 + (c/c_r)**2)", stress="-c/(1 + c)"),
+    ],
+)
+def test_thresholds_of_l_1_in_closed_form_are_the_roots_of_the_linearization(p):
+    found = onset_speeds(p)
+    assert found
+    for threshold in found:
+        low, high = 0.97 * threshold, 1.02 * threshold
+        assert onsets(p, "v_p0", low, high) == pytest.approx((threshold,), rel=1e-13)
+
+
+@pytest.mark.parametrize("p", [Parameters(D=0.4), Parameters(D=0.4, delta_P=1.0, law="inverse")])
+def test_the_sphere_rests_where_its_spectrum_says_so(p):
+    threshold = onset_speeds(p)[0]
+    speeds = threshold * np.array([0.3, 1 - 1e-9, 1 + 1e-9, 1.7])
+    spheres = [homogeneous(p.replace(v_p0=float(v))) for v in speeds]
+    expected = [growth_rates(sphere, 0, 8).real.max() < 0 for sphere in spheres]
+    assert _resting(p, speeds).tolist() == expected
+    assert {is_stable(spheres[0]), is_stable(spheres[3])} == {True, False}

@@ -6,7 +6,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from amoeboid.numerics.arcs import Arc, arcs, at_value
+from amoeboid.numerics.arcs import Arc, _bracketed, _direct, arcs, at_value
 from amoeboid.numerics.continuation import (
     Options,
     Stalled,
@@ -157,6 +157,29 @@ def test_both_solutions_near_a_fold_are_found(beside):
     assert sorted(found) == pytest.approx(roots, abs=1e-9 / np.sqrt(beside))
     assert len(found) == 3
     assert at_value(Arc(begin, begin, begin), 5.0, options) is None
+
+
+def test_the_direct_way_to_a_value_is_taken_only_where_it_is_safe():
+    """It agrees with the bracket, tangent included; next to a fold there is another solution."""
+    begin, options = start()
+    ways = {True: 0, False: 0}
+    for arc in arcs(begin, options):
+        low, high = sorted((arc.a.parameter, arc.b.parameter))
+        for share in (1e-9, 0.5):
+            value = low + share * (high - low)
+            direct = _direct(arc, value, options)
+            ways[direct is not None] += 1
+            if direct is not None:
+                bracketed = _bracketed(arc, value, options)
+                rise = abs(3 * direct.x[0] ** 2 - 3)
+                assert direct.x == pytest.approx(bracketed.x, abs=1e-12 + 1e-15 / rise)
+                assert direct.length == pytest.approx(bracketed.length, abs=0.01)
+                assert begin.length <= direct.length
+                slope_ = direct.parameter_tangent / direct.x_tangent[0]
+                assert abs(slope_) == pytest.approx(rise, abs=1e-9)
+        if arc.b.parameter > 8.0:
+            break
+    assert all(ways.values())
 
 
 def test_a_step_does_not_lead_to_another_branch():

@@ -22,6 +22,22 @@ def test_converges_quadratically():
     assert order == pytest.approx(2.0, abs=0.2)
 
 
+def test_a_jacobian_serves_for_the_last_steps_and_the_error_left_is_rounding():
+    points = []
+
+    def counted(x):
+        points.append(x)
+        return cubic_and_jacobian(x)
+
+    result = newton(cubic, counted, np.array([1.3, 2.3]))
+    assert result.converged
+    assert len(points) < len(result.steps)
+    np.testing.assert_allclose(result.x, [1.0, 2.0], rtol=1e-14)
+    for tolerance in (1e-4, 1e-7):
+        result = newton(cubic, counted, np.array([1.3, 2.3]), step_tolerance=tolerance)
+        np.testing.assert_allclose(result.x, [1.0, 2.0], rtol=max(tolerance**2, 1e-13))
+
+
 def test_a_system_without_solution_is_not_converged_and_keeps_its_history():
     result = newton(lambda x: x**2 + 1.0, lambda x: (x**2 + 1.0, np.diag(2 * x)), np.array([3.0]))
     assert not result.converged

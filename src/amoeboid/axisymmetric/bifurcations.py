@@ -15,6 +15,7 @@ from amoeboid.axisymmetric.stability import (
     AZIMUTHAL_NUMBERS,
     count_unstable,
     growth_rates,
+    linearization,
     neutral_rate,
 )
 from amoeboid.axisymmetric.steady import SteadySolution
@@ -34,7 +35,8 @@ class BranchPoint:
     @cached_property
     def rates(self) -> dict[int, Array]:
         """Growth rates for m = 0, 1, 2, 3, fastest first [1/time]."""
-        return {m: growth_rates(self.state, m) for m in AZIMUTHAL_NUMBERS}
+        about = linearization(self.state)
+        return {m: about.growth_rates(m) for m in AZIMUTHAL_NUMBERS}
 
     @cached_property
     def unstable(self) -> dict[int, int]:

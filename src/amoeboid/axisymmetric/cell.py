@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -100,7 +100,7 @@ class AxisymmetricCell:
         k, coefficients = np.arange(len(field)), self.shape.grid.to_even @ (field - field[0])
 
         def series(x: Array) -> tuple[Array, Array, Array]:
-            return _even(k, coefficients, x)
+            return _even(k, coefficients, _waves(x, k.size))
 
         return float(field[0]) + _maximum(series, k.size)
 
@@ -119,9 +119,10 @@ class AxisymmetricCell:
 
         def squares(x: Array) -> tuple[Array, Array, Array]:
             values, slopes, bends = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+            waves = _waves(x, g.n)
             for series, k, coefficients in parts:
                 if np.any(coefficients):
-                    f, f_x, f_xx = series(k, coefficients, x)
+                    f, f_x, f_xx = series(k, coefficients, waves)
                     values += f * f
                     slopes += 2.0 * f * f_x
                     bends += 2.0 * (f_x * f_x + f * f_xx)
@@ -140,21 +141,38 @@ def volume(s: Shape) -> float:
     return float(np.pi * s.scale[0] * (s.grid.odd_weights @ (s.r**2 * s.sin_psi)))
 
 
-def _even(k: Array, coefficients: Array, x: Array) -> tuple[Array, Array, Array]:
-    """A cosine series at x, its slope and the slope of that."""
-    cosines, sines = np.cos(np.outer(x, k)), np.sin(np.outer(x, k))
+@lru_cache(maxsize=8)
+def _fine(modes: int) -> tuple[Array, Array, Array]:
+    """The grid that is searched for an extremum, and sin and cos(k x) there, k = 0..modes."""
+    x = np.linspace(0.0, np.pi, POINTS_PER_MODE * modes + 1)
+    phases = np.outer(x, np.arange(modes + 1))
+    return x, np.sin(phases), np.cos(phases)
+
+
+def _waves(x: Array, modes: int) -> tuple[Array, Array]:
+    """sin and cos(k x), k = 0..modes; those of `_fine` are at hand."""
+    fine, sines, cosines = _fine(modes)
+    if x is fine:
+        return sines, cosines
+    phases = np.outer(x, np.arange(modes + 1))
+    return np.sin(phases), np.cos(phases)
+
+
+def _even(k: Array, coefficients: Array, waves: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    """A cosine series, its slope and the slope of that."""
+    sines, cosines = (wave[:, k[0] : k[-1] + 1] for wave in waves)
     return cosines @ coefficients, -sines @ (k * coefficients), -cosines @ (k * k * coefficients)
 
 
-def _odd(k: Array, coefficients: Array, x: Array) -> tuple[Array, Array, Array]:
-    """A sine series at x, its slope and the slope of that."""
-    cosines, sines = np.cos(np.outer(x, k)), np.sin(np.outer(x, k))
+def _odd(k: Array, coefficients: Array, waves: tuple[Array, Array]) -> tuple[Array, Array, Array]:
+    """A sine series, its slope and the slope of that."""
+    sines, cosines = (wave[:, k[0] : k[-1] + 1] for wave in waves)
     return sines @ coefficients, cosines @ (k * coefficients), -sines @ (k * k * coefficients)
 
 
 def _maximum(series: Callable[[Array], tuple[Array, Array, Array]], modes: int) -> float:
     """Maximum on [0, pi], the best of a fine grid refined by Newton's method."""
-    x = np.linspace(0.0, np.pi, POINTS_PER_MODE * modes + 1)
+    x = _fine(modes)[0]
     values = series(x)[0]
     highest = int(np.argmax(values))
     best, value = x[highest : highest + 1], float(values[highest])

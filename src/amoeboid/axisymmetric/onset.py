@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric.stability import sphere_block
 from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknowns
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.closed_forms.linear import proportional_to_speed, thresholds
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.continuation import COMPLEX_STEP, Options, Point, started
 from amoeboid.validation import InvalidInput
@@ -95,13 +97,21 @@ def _unit_of_own(p: Parameters, name: str, tension: float, speed: float) -> floa
 
 
 def onset_speeds(p: Parameters, l: int = 1) -> tuple[float, ...]:  # noqa: E741
-    """All v_p0 at which a real mode l of the homogeneous sphere is neutral, ascending."""
+    """All v_p0 at which a real mode l of the homogeneous sphere is neutral, ascending.
+
+    In closed form where there is one: l = 1 with a law that is proportional to v_p0.
+    """
     tension = abs(float(p.tau_derivatives(p.c0, 1)[1])) * p.c0
     unit = p.D / p.R0 + p.beta * p.R0 + tension * p.R0 / (p.eta_s + p.eta_b)
     if unit == 0:
         return ()
     with np.errstate(over="ignore"):  # speeds beyond double precision are rejected
         speeds = unit * np.geomspace(1e-6, LARGEST_SPEED, 37)
+    if l == 1:
+        with suppress(InvalidInput):  # the law has no value at some speed: look where it has
+            if proportional_to_speed(p):
+                found = thresholds(p).v_p0
+                return tuple(float(v) for v in found if v <= speeds[-1])
     return _roots(_critical(p, "v_p0", l), speeds)
 
 

@@ -19,10 +19,12 @@ from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.paths import Path, asymmetry, steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.search import Rising
-from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
-from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem, homogeneous
+from amoeboid.axisymmetric.stability import is_stable
+from amoeboid.axisymmetric.steady import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.axisymmetric.window import Window
+from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate
+from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, arcs, at_value
 from amoeboid.numerics.continuation import Options, Point, Stalled, through
@@ -37,6 +39,8 @@ ROUNDING = 100 * float(np.finfo(float).eps)
 """Error of the growth rates of the sphere in units of the fastest of them."""
 ON_LINE = 1e-2
 """A fold this near a line of folds, relatively, lies on it; the line is straight between points."""
+HIGHEST = 8
+"""Highest mode of the sphere that decides whether it is at rest."""
 REGIONS = ("rest", "polarized", "bistable", "neither stable", "unresolved")
 
 
@@ -123,7 +127,7 @@ def phase_columns(p: Parameters, name: str, values: Array, speeds: Array) -> Ite
 
 def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
     """What is stable at each v_p0 of `speeds`, from one polarized branch."""
-    resting = np.array([_rests(p.replace(v_p0=float(v))) for v in speeds])
+    resting = _resting(p, speeds)
     threshold = onset_speed(p)
     if threshold is None:
         return Column(value, None, (), np.where(resting, REST, NEITHER), np.zeros(speeds.size))
@@ -136,12 +140,9 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
             unresolved[row] = True
             continue
         try:
-            state = _fastest_stable(p, float(v), path, _options(threshold))
+            flow[row] = _fastest_stable(p, float(v), path, _options(threshold))
         except Stalled:
             unresolved[row] = True
-            continue
-        if state is not None:
-            flow[row] = state.max_retrograde_speed
     regions = np.where(
         flow > 0, np.where(resting, BISTABLE, POLARIZED), np.where(resting, REST, NEITHER)
     )
@@ -149,13 +150,16 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
     return Column(value, threshold, folds, regions, flow, problem)
 
 
-def _rests(p: Parameters) -> bool:
-    """Whether the homogeneous sphere is stable; its growth rates do not depend on m.
+def _resting(p: Parameters, speeds: Array) -> Array:
+    """Whether the homogeneous sphere is stable at each v_p0 of `speeds`.
 
-    They are exact to rounding there: a cell right next to the threshold is on its side of it.
+    Its rates in closed form are exact to rounding: a cell right next to the threshold is on its
+    side of it. Modes beyond HIGHEST are not looked at.
     """
-    rates = growth_rates(homogeneous(p, 4), 0, 8)
-    return bool(rates.real.max() <= ROUNDING * np.abs(rates).max())
+    at = points(p).at_speed(speeds[:, None])
+    pairs = finite_pressure_rates(at, np.arange(2, HIGHEST + 1)).reshape(speeds.size, -1)
+    rates = np.hstack([growth_rate(at, 1), pairs])
+    return np.asarray(rates.real.max(axis=1) <= ROUNDING * np.abs(rates).max(axis=1))
 
 
 def _options(threshold: float) -> Options:
@@ -188,10 +192,8 @@ def _polarized_branch(
     return found, tuple(arc.b for arc in found if arc.b.fold), problem
 
 
-def _fastest_stable(
-    p: Parameters, v_p0: float, path: list[Arc], options: Options
-) -> SteadySolution | None:
-    """The last stable state at v_p0 along the branch; None if there is none.
+def _fastest_stable(p: Parameters, v_p0: float, path: list[Arc], options: Options) -> float:
+    """Maximal retrograde speed of the last stable state at v_p0 along the branch; 0 without one.
 
     Raises Stalled if a state that the branch passes cannot be found.
     """
@@ -200,9 +202,10 @@ def _fastest_stable(
         if point is None:
             continue
         state = steady_state_at(p, "v_p0", point)
-        if state.max_retrograde_speed > 0 and not any(unstable_modes(state).values()):
-            return state
-    return None
+        flow: float = state.max_retrograde_speed
+        if flow > 0 and is_stable(state):
+            return flow
+    return 0.0
 
 
 def fold_line(

@@ -14,6 +14,7 @@ lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -113,21 +114,17 @@ def spectrum(state: SteadySolution, m: int, degree: int | None = None) -> Spectr
 
     Raises InvalidInput if the state is not converged.
     """
-    matrix, removed, basis = reduced_matrix(state, m, degree or degree_for(state))
+    about = linearization(state, degree)
+    matrix, removed, basis = about.reduced_matrix(m)
     complement = _complement(removed)
     rates, modes = np.linalg.eig(complement.T @ matrix @ complement)
     order = np.argsort(-rates.real, kind="stable")
-    unit = natural_units(state.parameters).of("1/T")
-    return Spectrum(m, unit * rates[order], complement @ modes[:, order], basis)
+    return Spectrum(m, about.unit * rates[order], complement @ modes[:, order], basis)
 
 
 def growth_rates(state: SteadySolution, m: int, degree: int | None = None) -> Array:
     """The rates of `spectrum` alone, fastest first; cheaper."""
-    matrix, removed, _ = reduced_matrix(state, m, degree or degree_for(state))
-    complement = _complement(removed)
-    rates = np.linalg.eigvals(complement.T @ matrix @ complement)
-    unit = natural_units(state.parameters).of("1/T")
-    return unit * rates[np.argsort(-rates.real, kind="stable")]
+    return linearization(state, degree).growth_rates(m)
 
 
 def _complement(removed: Array) -> Array:
@@ -137,8 +134,14 @@ def _complement(removed: Array) -> Array:
 
 def unstable_modes(state: SteadySolution, degree: int | None = None) -> dict[int, int]:
     """Number of growing modes for m = 0, 1, 2, 3 (for m > 0 per sense of rotation)."""
-    p = state.parameters
-    return {m: count_unstable(growth_rates(state, m, degree), p) for m in AZIMUTHAL_NUMBERS}
+    about = linearization(state, degree)
+    return {m: about.unstable(m) for m in AZIMUTHAL_NUMBERS}
+
+
+def is_stable(state: SteadySolution) -> bool:
+    """Whether every perturbation with m = 0, 1, 2, 3 decays; stops at the first that grows."""
+    about = linearization(state)
+    return not any(about.unstable(m) for m in AZIMUTHAL_NUMBERS)
 
 
 def count_unstable(rates: Array, p: Parameters) -> int:
@@ -168,6 +171,63 @@ def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
     return matrix[np.ix_(kept, kept)]
 
 
+@dataclass(frozen=True, eq=False)
+class Linearization:
+    """The linear problem about a steady state, and what all azimuthal numbers have in common.
+
+    `state` is measured in the natural units of the cell, `unit` is their rate [1/time].
+    """
+
+    state: SteadySolution
+    degree: int
+    unit: float
+
+    @cached_property
+    def base(self) -> Base:
+        """The fields of the state; the nodes are the same for every m."""
+        return base_fields(self.state, self.basis(0))
+
+    def basis(self, m: int) -> HarmonicBasis:
+        """The harmonics of azimuthal number m."""
+        return harmonics(m, self.degree, (3 * self.degree) // 2 + 4)
+
+    def growth_rates(self, m: int) -> Array:
+        """Growth rates of perturbations exp(i m phi), fastest first [1/time]."""
+        matrix, removed, _ = self.reduced_matrix(m)
+        complement = _complement(removed)
+        rates = np.linalg.eigvals(complement.T @ matrix @ complement)
+        return self.unit * rates[np.argsort(-rates.real, kind="stable")]
+
+    def unstable(self, m: int) -> int:
+        """Number of growing modes of azimuthal number m."""
+        return count_unstable(self.growth_rates(m) / self.unit, self.state.parameters)
+
+    def reduced_matrix(self, m: int) -> tuple[Array, Array, HarmonicBasis]:
+        """See the function of this name."""
+        state, basis, base = self.state, self.basis(m), self.base
+        trial = _trial_velocities(base, basis, state.length_scale)
+        perturbed = _perturbed_fields(base, basis, state.length_scale)
+        rigid = _rigid_motions(base, m)
+        response = _velocity_response(state.parameters, base, trial, perturbed, rigid)
+        h_rate, c_rate = _rates(state.parameters, base, perturbed, response)
+        mass = basis.values.T @ (base.measure * basis.values)
+        matrix = np.vstack(np.split(solve(mass, np.hstack([h_rate, c_rate])), 2, axis=1))
+        removed = _removed(state.parameters.beta, base, basis, mass, rigid)
+        return matrix, removed, basis
+
+
+def linearization(state: SteadySolution, degree: int | None = None) -> Linearization:
+    """The linear problem about a state, on harmonics up to `degree` or `degree_for` of the state.
+
+    Raises InvalidInput if the state is not converged, or under a cue.
+    """
+    if not state.converged:
+        raise InvalidInput("stability needs a converged steady state; this one is not")
+    refuse_cue(state.cue, "the spectrum of a steady state")
+    units = natural_units(state.parameters)
+    return Linearization(state.in_units(units), degree or degree_for(state), units.of("1/T"))
+
+
 def reduced_matrix(
     state: SteadySolution, m: int, degree: int
 ) -> tuple[Array, Array, HarmonicBasis]:
@@ -178,21 +238,7 @@ def reduced_matrix(
     That is the constraint of fixed area and, at beta = 0, of the filament number (m = 0), and the
     neutral translation (m = 0, 1) and rotation (m = 1).
     """
-    if not state.converged:
-        raise InvalidInput("stability needs a converged steady state; this one is not")
-    refuse_cue(state.cue, "the spectrum of a steady state")
-    state = state.in_units(natural_units(state.parameters))
-    basis = harmonics(m, degree, (3 * degree) // 2 + 4)
-    base = base_fields(state, basis)
-    trial = _trial_velocities(base, basis, state.length_scale)
-    perturbed = _perturbed_fields(base, basis, state.length_scale)
-    rigid = _rigid_motions(base, m)
-    response = _velocity_response(state.parameters, base, trial, perturbed, rigid)
-    h_rate, c_rate = _rates(state.parameters, base, perturbed, response)
-    mass = basis.values.T @ (base.measure * basis.values)
-    matrix = np.vstack([np.linalg.solve(mass, h_rate), np.linalg.solve(mass, c_rate)])
-    removed = _removed(state.parameters.beta, base, basis, mass, rigid)
-    return matrix, removed, basis
+    return linearization(state, degree).reduced_matrix(m)
 
 
 def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:

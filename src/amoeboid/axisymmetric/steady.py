@@ -119,6 +119,8 @@ class SteadySystem:
 
     def point(self, q: Array) -> Any:
         """The parameters with those in `names` replaced by q."""
+        if not self.names:
+            return self._parameters
         return self._parameters.replaced(dict(zip(self.names, q, strict=True)))
 
     @cached_property

@@ -70,13 +70,13 @@ def draw_scale_bar(axes: Any, end: tuple[float, float], length: float, unit: str
     )
 
 
-def amount(value: float, unit: str) -> str:
+def amount(value: float, unit: str, digits: int = 3) -> str:
     """A number with its unit as pictures show it.
 
     >>> amount(10.0, "um"), amount(1.0, "R0"), amount(3.17, "1/beta"), amount(2.0, "L")
     ('10 µm', '$R_0$', '3.17/β', '2 [L]')
     """
-    shown, drawn = f"{value:.3g}", drawn_unit(unit)
+    shown, drawn = f"{value:.{digits}g}", drawn_unit(unit)
     if unit in ("L", "T", "L/T", "N/L^2"):  # a dimension: the units are those of the user
         return f"{shown} [{drawn}]"
     if unit.startswith("1/"):

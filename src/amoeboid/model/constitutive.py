@@ -164,6 +164,8 @@ class Relation(ABC):
         try:
             value = value if value.shape == shape else np.broadcast_to(value, shape)
             good = np.isfinite(value)
+            if good.all():
+                return value
         except (TypeError, ValueError):
             raise InvalidInput(
                 f"{self._named(k)} must be one number for each c, got "

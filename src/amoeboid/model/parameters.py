@@ -99,6 +99,8 @@ class ParameterPoint(Material):
 
     def replaced(self, values: Mapping[str, Any]) -> ParameterPoint:
         """The same with other values, also of `law.n`."""
+        if values.keys() <= DIMENSIONS.keys():
+            return ParameterPoint({**self.__dict__, **values})
         plain, own = _split(values)
         relations = {
             kind: getattr(self, kind).with_values(own[kind]) for kind in RELATIONS if own[kind]

@@ -26,10 +26,13 @@ from amoeboid.numerics.continuation import (
     follow,
     slope,
     slope_row,
+    with_tangent,
 )
 
 MAX_EVALUATIONS = 80
 ROUNDING = float(np.finfo(float).eps)
+NEAR = 0.05
+"""How far from the cubic a state may lie that is taken without a bracket; see `_direct`."""
 PRECISION = 1e-13
 """Relative precision to which the parameter is met before Newton's method at that parameter."""
 
@@ -91,7 +94,7 @@ def at_value(arc: Arc, value: float, options: Options) -> Point | None:
         return None
     arc = _on_one_system(arc, options)
     while True:
-        point = _bracketed(arc, value, options)
+        point = _direct(arc, value, options) or _bracketed(arc, value, options)
         if point.system.resolved(point.x, np.array([value])):
             return arc.forwards(point)
         finer = arc.anchor.system.refined()
@@ -128,6 +131,25 @@ def finer(point: Point, options: Options) -> Point:
     found = at_distance(moved, 0.0, options)
     # where branches cross, Newton's method has no chance: the prolonged point is the solution
     return moved if found is None else replace(found, fold=point.fold)
+
+
+def _direct(arc: Arc, value: float, options: Options) -> Point | None:
+    """The point at `value` by Newton's method from the cubic through both ends of the arc.
+
+    None unless it stays so near to the cubic, in units of the distance to the nearest end, that it
+    can be no state beyond a fold or a crossing, which lie at the ends.
+    """
+    row = slope_row(arc.anchor, options)
+    share = _share(arc, arc.a, arc.b, value, row)
+    guess = _interpolated(arc, arc.a, arc.b, share, row)[:-1]
+    nearest = min(_norm(arc.a, guess - end.x) for end in (arc.a, arc.b))
+    x = at_parameter(arc.a.system, guess, value) if nearest > 0 else None
+    if x is None or _norm(arc.a, x - guess) > NEAR * nearest:
+        return None
+    length = arc.a.length + share * (arc.b.length - arc.a.length)
+    return with_tangent(
+        replace(arc.anchor, x=x, parameter=value, length=length, fold=False), row, options
+    )
 
 
 def _bracketed(arc: Arc, value: float, options: Options) -> Point:
@@ -203,10 +225,8 @@ def _share(arc: Arc, low: Point, high: Point, value: float, row: Array) -> float
     return float(np.clip(share, 1e-9, 1 - 1e-9))
 
 
-def _between(
-    arc: Arc, low: Point, high: Point, share: float, row: Array, options: Options
-) -> Point | None:
-    """The point of the branch at a share of the distance between two others; None if it fails."""
+def _interpolated(arc: Arc, low: Point, high: Point, share: float, row: Array) -> Array:
+    """(x, parameter) at a share of the distance between two points, from the cubic."""
     width = _width(arc, low, high)
 
     def tangent(q: Point) -> Array:
@@ -214,7 +234,15 @@ def _between(
         return full * (width / (row @ full))
 
     ends = [np.append(q.x, q.parameter) for q in (low, high)]
-    guess = _hermite(ends[0], tangent(low), ends[1], tangent(high), share)
+    return np.asarray(_hermite(ends[0], tangent(low), ends[1], tangent(high), share))
+
+
+def _between(
+    arc: Arc, low: Point, high: Point, share: float, row: Array, options: Options
+) -> Point | None:
+    """The point of the branch at a share of the distance between two others; None if it fails."""
+    guess = _interpolated(arc, low, high, share, row)
+    width = _width(arc, low, high)
     away = arc.from_anchor(low) + share * width
     found = at_distance(arc.anchor, away, options, guess)
     if found is None:

@@ -246,7 +246,7 @@ def at_distance(
     if not found.converged:
         return None
     y = found.x
-    return _with_tangent(
+    return with_tangent(
         replace(start, x=y[:n], parameter=float(y[n]), length=start.length + distance),
         row,
         options,
@@ -264,7 +264,7 @@ def residual_and_bordered(system: System, y: Array, row: Array, last: float) -> 
     return np.append(f, last), matrix
 
 
-def _with_tangent(point: Point, row: Array, options: Options) -> Point | None:
+def with_tangent(point: Point, row: Array, options: Options) -> Point | None:
     """`point` with its unit tangent, on the side to which the functional `row` is positive."""
     y = np.append(point.x, point.parameter)
     try:

@@ -1,4 +1,8 @@
-"""Newton's method with a backtracking line search, its history kept."""
+"""Newton's method with a backtracking line search, its history kept.
+
+Where it converges fast, a Jacobian serves for several steps (the simplified method). Source:
+Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, chapters 2 and 3.
+"""
 
 from __future__ import annotations
 
@@ -6,13 +10,24 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.linalg import LinAlgError
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from amoeboid.arrays import Array
 from amoeboid.validation import InvalidInput
 
 Residual = Callable[[Array], Array]
 Jacobian = Callable[[Array], tuple[Array, Array]]
+
+
+KEPT = 0.1
+"""Ratio of successive steps up to which the next one is taken with the same Jacobian.
+
+At the end of quadratic convergence such a step shrinks by the square of the ratio.
+"""
+STALE = 0.01
+"""The same for steps after a Jacobian was used again: from there on they gain too little."""
+LEFT = 1e-14
+"""Error in units of `scale` that may be left by a step with an old Jacobian: rounding."""
 
 
 @dataclass(frozen=True)
@@ -42,59 +57,93 @@ def newton(
     """Solve residual(x) = 0 from `start`.
 
     Converged means that the last step, measured in units of `scale`, was below `step_tolerance`
-    (the error left is its square) and the residual after it below `residual_tolerance`.
+    and the residual after it below `residual_tolerance`. The error left is the square of that step,
+    or below `LEFT` where the Jacobian was that of an earlier point.
     A residual that is not finite, or raises InvalidInput, counts as infinitely large; nothing is
-    raised. Source: Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, chapter 3.
+    raised.
     """
     x = np.array(start, dtype=float)
-    residuals = [_size(residual, x)[0]]
-    steps: list[float] = []
-    for _ in range(max_iterations):
-        step = _newton_step(residual_and_jacobian, x)
-        if step is None or not np.isfinite(residuals[-1]):
-            break
-        x, size, fraction = _backtracked(residual, x, step, residuals[-1])
+    f, size = _evaluated(residual, x)
+    residuals, steps = [size], []
+    jacobian: Factor | None = None
+    made = 0
+    while jacobian is not None or made < max_iterations:
+        fresh = jacobian is None
+        if jacobian is None:
+            made += 1
+            jacobian = _factorized(residual_and_jacobian, x)
+            if jacobian is None or not np.isfinite(residuals[-1]):
+                break
+        step = jacobian.solve(-f)
+        x, f, size, fraction = _backtracked(residual, x, f, step, residuals[-1])
         if fraction == 0.0:
-            break
+            if fresh:
+                break
+            jacobian = None
+            continue
         residuals.append(size)
         steps.append(fraction * _rms(step / scale))
-        if fraction == 1.0 and steps[-1] <= step_tolerance and size <= residual_tolerance:
+        ratio = steps[-1] / steps[-2] if len(steps) > 1 and steps[-2] > 0 else np.inf
+        exact = fresh or ratio * steps[-1] <= LEFT
+        if fraction == 1.0 and steps[-1] <= step_tolerance and size <= residual_tolerance and exact:
             return NewtonResult(x, True, tuple(residuals), tuple(steps))
+        if fraction < 1.0 or ratio > (KEPT if fresh else STALE):
+            jacobian = None
     return NewtonResult(x, False, tuple(residuals), tuple(steps))
 
 
-def _newton_step(residual_and_jacobian: Jacobian, x: Array) -> Array | None:
+@dataclass(frozen=True)
+class Factor:
+    """LU factors of a matrix, of its transpose in fact: that needs no copy."""
+
+    lu: Array
+    pivots: Array
+
+    def solve(self, right: Array) -> Array:
+        """Solve the system of the matrix."""
+        return np.asarray(dgetrs(self.lu, self.pivots, right, trans=1)[0])
+
+
+def _factorized(residual_and_jacobian: Jacobian, x: Array) -> Factor | None:
+    """Factors of the Jacobian; None if it is not finite or singular to working precision."""
     try:
         with np.errstate(all="ignore"):
             f, jacobian = residual_and_jacobian(x)
-        if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(f))):
-            return None
-        return solve(jacobian, -f)
-    except (InvalidInput, LinAlgError):
+    except InvalidInput:
         return None
+    if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(f))):
+        return None
+    lu, pivots, info = dgetrf(jacobian.T)
+    return Factor(lu, pivots) if info == 0 else None
 
 
 def _backtracked(
-    residual: Residual, x: Array, step: Array, before: float
-) -> tuple[Array, float, float]:
-    """The point after the largest of the fractions 1, 1/2, ... that does not harm."""
+    residual: Residual, x: Array, f: Array, step: Array, before: float
+) -> tuple[Array, Array, float, float]:
+    """The point after the largest of the fractions 1, 1/2, ... that does not harm.
+
+    With its residual and the size of that, and the fraction; 0 if there is none.
+    """
     fraction = 1.0
     rounding = 1e-9
     for _ in range(10):
-        size, trial = _size(residual, x + fraction * step)
+        trial = x + fraction * step
+        there, size = _evaluated(residual, trial)
         if size <= max(2.0 * before if fraction == 1.0 else before, rounding):
-            return trial, size, fraction
+            return trial, there, size, fraction
         fraction /= 2
-    return x, before, 0.0
+    return x, f, before, 0.0
 
 
-def _size(residual: Residual, x: Array) -> tuple[float, Array]:
+def _evaluated(residual: Residual, x: Array) -> tuple[Array, float]:
+    """The residual and its size, infinite where there is none."""
     try:
         with np.errstate(all="ignore"):
-            size = _rms(residual(x))
+            f = residual(x)
+            size = float(np.sqrt(np.mean(np.abs(f) ** 2)))
     except InvalidInput:
-        return np.inf, x
-    return (size if np.isfinite(size) else np.inf), x
+        return np.full(x.shape, np.inf), np.inf
+    return f, (size if np.isfinite(size) else np.inf)
 
 
 def _rms(values: Array) -> float:
