@@ -36,12 +36,15 @@ def own_settings() -> Iterator[None]:
         yield
 
 
-def new_figure(width: float, height: float) -> Figure:
-    """An empty figure, in inches, that is drawn into memory only: no window, no backend."""
+def new_figure(width: float, height: float, layout: Any = "constrained") -> Figure:
+    """An empty figure, in inches, that is drawn into memory only: no window, no backend.
+
+    `layout`: what finds the places of its parts; None leaves them where they are put.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout=layout)
     FigureCanvasAgg(figure)
     return figure
 

@@ -25,7 +25,9 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
     if np.linalg.norm(x - x[0], axis=1).max() < MIN_WAY:
         return False
     way = along_principal_axes(x)
-    figure = new_figure(9.6, 4.6)
+    # every run draws this: matplotlib takes as long to find places as to draw
+    figure = new_figure(9.6, 4.6, layout=None)
+    figure.subplots_adjust(left=0.1, right=0.87, bottom=0.12, top=0.85, wspace=0.32)
     first = figure.add_subplot(1, 2, 1)
     second = figure.add_subplot(1, 2, 2, sharex=first)
     shown = None
@@ -35,10 +37,11 @@ def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, 
         axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
         axes.set_aspect("equal", adjustable="datalim")
         axes.set_title(title, fontsize=10, color=INK)
-        axes.set_xlabel("first principal axis [$R_0$]")
-        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis [$R_0$]")
+        axes.set_xlabel("first principal axis [R\N{SUBSCRIPT ZERO}]")
+        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis [R\N{SUBSCRIPT ZERO}]")
     if shown is not None:
-        figure.colorbar(shown, ax=[first, second], label="time t [T] (dot: start)")
+        beside = figure.add_axes((0.9, 0.12, 0.018, 0.73))
+        figure.colorbar(shown, cax=beside, label="time t [T] (dot: start)")
     figure.suptitle(
         "way of the cell if all drag is on its cortex, uniformly", fontsize=11, color=INK
     )
