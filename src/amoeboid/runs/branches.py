@@ -228,7 +228,8 @@ class _Traced:
         ends = [text(self.p, q, self.p.dimension(self.name)) for q in self.window]
         raise InvalidInput(
             f"a branch of 3D cells must begin at a polarized state at an end of its window, "
-            f"{self.name} = {' or '.join(ends)}, there is none; move an end, or give a cell by through"
+            f"{self.name} = {' or '.join(ends)}, there is none; move an end, or give a cell by "
+            "through"
         )
 
     def _models(self, model: Model) -> Callable[[float], Model]:
