@@ -4,6 +4,7 @@ import csv
 import functools
 import importlib
 import json
+import pickle
 import sys
 from pathlib import Path
 
@@ -215,3 +216,24 @@ def test_units_are_those_of_the_paper_only_where_they_hold():
     assert unit_of(Parameters(beta=0.5), "L/T") == "L/T"
     assert unit_of(Parameters.physical(), "L/T") == "um/s"
     assert label("v", "um^2/s") == "v [µm$^{2}$/s]"
+
+
+def test_a_grid_of_axes_is_taken_as_subplots_gives_it():
+    from matplotlib.figure import Figure as Canvas
+
+    axes = Canvas().subplots(2, 2)
+    assert figures.fig1(ax=axes) == list(axes.flat)
+    with pytest.raises(InvalidInput, match="4 axes"):
+        figures.fig1(ax=axes[:1])
+
+
+def test_figures_and_their_numbers_pickle_and_have_short_texts():
+    data = figures.fig1.data()
+    again = pickle.loads(pickle.dumps(data))  # noqa: S301  (our own)
+    for name, table in data.items():
+        assert again[name].csv([]) == table.csv([])
+        assert len(repr(table)) < 1000
+    assert "cell" in repr(data)
+    assert "v_laboratory_x [R0 beta]" in repr(data["cell"])
+    assert len(repr(data)) < 1000
+    assert pickle.loads(pickle.dumps(figures.fig1)).name == "fig1"  # noqa: S301  (our own)
