@@ -38,7 +38,7 @@ BUILT = Path(__file__).parents[1] / "built_kernels"  # those that came with the 
 PROCESSOR, LOCK = "PROCESSOR", "lock"
 MAX_VERSIONS = 16  # of one kernel in the folder of the user; the oldest are removed
 MAX_WAIT = 300.0  # seconds for another program that compiles
-POLL = 0.02
+MIN_POLL, MAX_POLL = 0.02, 0.2  # seconds between looks for what another program compiles
 _HASH = hashlib.sha256().digest_size
 
 
@@ -56,6 +56,7 @@ def folder() -> Path:
     return base / "amoeboid" / f"kernels-{_short(processor())}"
 
 
+@cache
 def processor() -> str:
     """The instructions that kernels compiled here use, in words of LLVM."""
     from numba.core.registry import cpu_target
@@ -176,11 +177,12 @@ class _Turn:
             with suppress(OSError):  # no folder, or one that knows no locks
                 folder().mkdir(parents=True, exist_ok=True)
                 self._file = (folder() / LOCK).open("ab")
-        begin = time.monotonic()
+        begin, pause = time.monotonic(), MIN_POLL
         while not self._locked() and time.monotonic() - begin < MAX_WAIT:
             self._show("waiting for another program that compiles the numerical kernels")
             yield
-            time.sleep(POLL)
+            time.sleep(pause)
+            pause = min(1.5 * pause, MAX_POLL)
         yield
         self._count += 1
         self._show("compiling the numerical kernels, once on this machine", str(self._count))
