@@ -57,7 +57,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
             ),
             "onsets": _onsets(p, onsets),
             "pressures": Table(
-                "the pressures of the other tables; below delta_P* mode 2 goes unstable before mode 1",
+                "the pressures of the other tables; below delta_P* mode 2 precedes mode 1",
                 {
                     "pressure": column_of(p, [OWN, LOW, "delta_P*"]),
                     "value": column_of(
