@@ -217,6 +217,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
     axisymmetric state, a stable one if there is one. An axisymmetric one is laid on `mesh`,
     `Icosphere(n)` (3 if left out), the others have their own. From a cell on a circle or a helix
     it finds such a cell, with its velocity and angular velocity. Unstable cells are found, too.
+    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. No
+    cue acts on the cell, also where one did in the run that it comes from.
 
     Raises InvalidInput where the iterations lead to no steady cell, or from a polarized cell to
     the homogeneous one: a nearer start is needed then.
