@@ -18,7 +18,8 @@ from amoeboid.simulation.loop import evolve, start
 from amoeboid.surface import stepping
 
 SMALL = ["--subdivisions", "1", "2", "--steps", "2", "--explicit-steps", "5", "--repetitions", "1"]
-QUICK = [*SMALL, "--peer-subdivisions", "1", "--set", "mesh.subdivisions=1"]
+SOLVED = ["--solved-subdivisions", "1"]
+QUICK = [*SMALL, *SOLVED, "--peer-subdivisions", "1", "--set", "mesh.subdivisions=1"]
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +62,15 @@ def test_the_explicit_time_is_labelled_and_extrapolated_to_the_same_end(result):
     assert run["ratio"] == pytest.approx(explicit["wall_s"] / default["wall_s"])
     assert run["cpu_ratio"] == pytest.approx(explicit["cpu_s"] / default["cpu_s"])
     assert min(run["ratio"], run["cpu_ratio"]) > 0
+
+
+def test_steady_states_are_solved_for_and_waited_for(result):
+    (one,), (found,) = result["solved"], result["branches"]
+    assert one["nodes"] == found["nodes"] == 42
+    assert min(one["cpu_s"].values()) > 0
+    assert one["ratios"]["state"] == pytest.approx(one["cpu_s"]["run"] / one["cpu_s"]["solved"])
+    assert min(one["steps"], one["iterations"]) > 3
+    assert found["points"] > 3
 
 
 def test_the_peer_is_compared_or_said_to_be_missing(result):

@@ -55,11 +55,20 @@ def parser() -> argparse.ArgumentParser:
         metavar="N",
         help="meshes for the comparison with NGSolve (default 3 4)",
     )
+    parser.add_argument(
+        "--solved-subdivisions",
+        type=_subdivisions,
+        nargs="+",
+        default=[3],
+        metavar="N",
+        help="meshes on which steady states are solved for, against a run (default 3)",
+    )
     parser.epilog = (
         "Measured: the time of a step and of its phases on every mesh; the time of a run to its\n"
         "end (default: figure 3D on 642 nodes; --set changes it) against the explicit scheme of\n"
-        "the paper, extrapolated from a number of its steps; a single force balance against\n"
-        "NGSolve, if that is installed (pip install 'amoeboid[peers]')."
+        "the paper, extrapolated from a number of its steps; steady states, their stability and\n"
+        "the branch of figure 3B by accelerated iterations against runs; a single force balance\n"
+        "against NGSolve, if that is installed (pip install 'amoeboid[peers]')."
     )
     return parser
 
@@ -97,6 +106,7 @@ def measure(args: argparse.Namespace) -> int:
     from benchmarks.speed.machine import machine
     from benchmarks.speed.peers import Disagreement, compared_with_ngsolve
     from benchmarks.speed.sizes import growth_exponents, step_times
+    from benchmarks.speed.solved import branch_of_figure_3b, solved_against_run
     from benchmarks.speed.steady_state import time_to_steady_state
 
     from amoeboid.simulation.step_length import Diverged
@@ -109,6 +119,11 @@ def measure(args: argparse.Namespace) -> int:
             sizes.append(step_times(config, subdivisions, args.steps))
         tell("", "the run to its end, and the explicit scheme beside it")
         steady_state = time_to_steady_state(config, args.explicit_steps)
+        solved, branches = [], []
+        for subdivisions in sorted(set(args.solved_subdivisions)):
+            tell("", f"steady states on {10 * 4**subdivisions + 2} nodes, solved for and by a run")
+            solved.append(solved_against_run(config, subdivisions))
+            branches.append(branch_of_figure_3b(subdivisions))
         peers = []
         for subdivisions in sorted(set(args.peer_subdivisions)):
             tell("", f"a force balance on {10 * 4**subdivisions + 2} nodes against NGSolve")
@@ -121,6 +136,8 @@ def measure(args: argparse.Namespace) -> int:
         "sizes": sizes,
         "growth_exponents": growth_exponents(sizes),
         "steady_state": steady_state,
+        "solved": solved,
+        "branches": branches,
         "peers": peers,
     }
     if args.json:
@@ -154,6 +171,7 @@ def _print(result: dict[str, Any]) -> None:
             f"nodes^{number(growth['exponent'], 3)}"
         )
     _print_run(result["steady_state"])
+    _print_solved(result["solved"], result["branches"])
     for peer in result["peers"]:
         say("", f"one force balance on {peer['nodes']} nodes, {peer['peer']} over amoeboid:")
         if "missing" in peer:
@@ -179,6 +197,19 @@ def _print_run(run: dict[str, Any]) -> None:
             f" of {number(1e3 * explicit['s_per_step'], 3)} ms ({explicit['steps_measured']} "
             "measured)",
             f"  ratio {number(run['ratio'], 4)}, in processor time {number(run['cpu_ratio'], 4)}",
+        )
+
+
+def _print_solved(solved: list[dict[str, Any]], branches: list[dict[str, Any]]) -> None:
+    for one, found in zip(solved, branches, strict=True):
+        times = ", ".join(f"{name} {number(s, 3)}" for name, s in one["cpu_s"].items())
+        ratios = ", ".join(f"{name} {number(r, 3)}" for name, r in one["ratios"].items())
+        say(
+            "",
+            f"steady states on {one['nodes']} nodes, s of processor time: {times}",
+            f"  run of {one['steps']} steps over {one['iterations']} iterations: {ratios}",
+            f"  branch of figure 3B: {number(found['cpu_s'], 3)} s, {found['points']} points, fold "
+            f"at {'none' if found['fold'] is None else number(found['fold'], 8)}",
         )
 
 

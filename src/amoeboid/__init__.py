@@ -31,15 +31,17 @@ if TYPE_CHECKING:
     from amoeboid.model.stress import Stress
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
+    from amoeboid.runs.branches import branch
     from amoeboid.runs.meshes import Icosphere, Surface
     from amoeboid.runs.snapshot import Snapshot
     from amoeboid.runs.solution import Solution, simulate
+    from amoeboid.runs.steady_cell import SteadyCell, steady_state
     from amoeboid.runs.stored import StoredRun, load
     from amoeboid.simulation.events import steady, time, when
     from amoeboid.simulation.loop import evolve, start
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
-    from amoeboid.studies.branch import Branch, SpecialPoint, branch
+    from amoeboid.studies.branch import Branch, SpecialPoint
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
     from amoeboid.studies.theory import Theory, theory
@@ -76,6 +78,7 @@ _HOMES = {
     "SpecialPoint": "studies.branch",
     "Spectrum": "runs.analysis",
     "State": "surface.state",
+    "SteadyCell": "runs.steady_cell",
     "SteadyState": "studies.states",
     "SteadyStates": "studies.states",
     "Step": "simulation.step",
@@ -84,7 +87,7 @@ _HOMES = {
     "Surface": "runs.meshes",
     "Theory": "studies.theory",
     "Time": "config",
-    "branch": "studies.branch",
+    "branch": "runs.branches",
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
@@ -104,6 +107,7 @@ _HOMES = {
     "smooth": "model.changes",
     "start": "simulation.loop",
     "steady": "simulation.events",
+    "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
     "theory": "studies.theory",
@@ -141,6 +145,7 @@ __all__ = [
     "SpecialPoint",
     "Spectrum",
     "State",
+    "SteadyCell",
     "SteadyState",
     "SteadyStates",
     "Step",
@@ -169,6 +174,7 @@ __all__ = [
     "smooth",
     "start",
     "steady",
+    "steady_state",
     "steady_states",
     "steps",
     "theory",

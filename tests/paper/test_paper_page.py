@@ -198,4 +198,4 @@ def test_code_that_the_page_names_exists():
 
 def test_every_figure_but_own_ones_is_on_the_page_with_its_command():
     of_the_paper = {name for name in figures.names() if not name.startswith("extra_")}
-    assert of_the_paper <= set(FIGURES)
+    assert of_the_paper == set(FIGURES)

@@ -21,7 +21,6 @@ from amoeboid.surface.equilibrium import flow_of
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import gradient
 from amoeboid.surface.stability import Growth, RestrictedStep, leading_growth_rate
 from amoeboid.surface.state import State
 from amoeboid.surface.stepping import semi_implicit_step
@@ -130,7 +129,7 @@ def test_growth_rate_does_not_depend_on_position_and_direction():
 
 
 def test_errors_are_known_where_the_map_is_far_from_normal():
-    """Those of the step are multiplied by some 50 there: with rough ones little is known."""
+    """Those of the step are multiplied by 30 to 130 there: with rough ones little is known."""
     step, exact = still(SWEPT, 3), fastest_axisymmetric(SWEPT)
     sharp = leading_growth_rate(step.model, step.state, step.flow, tolerance=1e-8, max_error=1e-3)
     print(sharp, exact)
@@ -140,7 +139,7 @@ def test_errors_are_known_where_the_map_is_far_from_normal():
         found = leading_growth_rate(step.model, step.state, step.flow, tolerance=tolerance)
         print(tolerance, found)
         assert abs(found.rate - sharp.rate) < found.error
-        assert found.error > 50 * tolerance
+        assert found.error > 20 * tolerance
 
 
 def test_growth_rate_that_does_not_converge_has_a_known_error(monkeypatch):
@@ -180,8 +179,7 @@ def test_growth_rate_is_unknown_if_no_step_can_be_made(monkeypatch):
 def test_rigid_motions_that_do_not_change_the_cell_are_not_excluded(p, motions):
     model, state = still(p, 3).model, still(p, 3).state
     g = geometry(state.r, model.mesh.faces)
-    slope = gradient(state.c, g, model.mesh) / (p.c0 + state.c)[:, None]
-    assert stability._excluded(model, state, g, slope).shape[1] == motions
+    assert stability._excluded(model, state, g).shape[1] == motions
 
 
 def dense_rates(step, dt=1.0, applied=np.eye):
@@ -337,11 +335,11 @@ def test_growth_rate_is_not_accepted_too_early(monkeypatch):
 def test_failed_steps_are_repeated_with_a_shorter_length(failure, monkeypatch):
     tried, real = [], stability.LinearizedStep
 
-    def failing(model, state, flow, dt):
+    def failing(model, state, flow, dt, turning):
         tried.append(dt)
         if dt > 0.6:
             raise failure("too long")
-        return real(model, state, flow, dt)
+        return real(model, state, flow, dt, turning)
 
     step = still(STIFF, 2)
     expected = rate_of(step)

@@ -45,6 +45,12 @@ MAX_COARSE_STEP = 1.5
 FINER, MAX_FINER = 8.0, 600.0
 """Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
 
+BESIDE = (1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1)
+"""How far from a meeting, in steps, the points lie that it is interpolated from.
+
+The parameter is even in the asymmetry there, so that a parabola is good to its fourth power.
+"""
+
 SPHERE, SYMMETRIC, CLOSED, ZERO = "the sphere", "symmetrical states", "its start", "zero"
 
 
@@ -264,7 +270,7 @@ class Path:
             return _product(reference, left) if np.any(left) else np.nan
 
         end = _on_system_of(anchor, point, self.options)
-        meeting = located(anchor, end, remaining, self.options)
+        meeting = located(anchor, end, remaining, self.options, widths=BESIDE)
         kept = [arc for arc in pending if arc.b.fold and arc.b.length < meeting.length]
         last = kept[-1].b if kept else anchor
         return [*kept, Arc(anchor, last, meeting)]

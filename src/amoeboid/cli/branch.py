@@ -27,7 +27,6 @@ from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from amoeboid.studies.branch import Branch, SpecialPoint
-    from amoeboid.studies.states import SteadyState
 
 INCOMPLETE = 1
 
@@ -53,6 +52,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the other end; with --physical a quantity ('2 um/s')",
     )
     parser.add_argument(
+        "--mesh",
+        type=whole,
+        metavar="N",
+        help="follow 3D cells on a mesh of 10 * 4**N + 2 nodes (3: 642), N from 1 to 6; without it "
+        "axisymmetric states, without a mesh",
+    )
+    parser.add_argument(
         "--max-step",
         type=real,
         default=0.1,
@@ -67,14 +73,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
         "other parameter at the polarized states at --from and where the sphere loses stability\n"
         "within the window. It is followed through its folds outside the window as well; what\n"
-        "lies inside is listed. Exit code 1: it could not be followed to its end.\n"
+        "lies inside is listed. With --mesh it starts at the fastest axisymmetric state at --to,\n"
+        "or else at --from, and ends at an edge of the window or at the sphere.\n"
+        "Exit code 1: it could not be followed to its end.\n"
         f"{PLOT_FAILS}"
     )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Follow, print, draw."""
-    from amoeboid.studies.branch import branch, checked_window
+    from amoeboid.runs.branches import branch
+    from amoeboid.studies.branch import checked_window
 
     p, names = only_parameters(args), observables_shown(args)
     checked_window(p, args.vary, args.start, args.end, ("--vary", "--from", "--to"))
@@ -83,12 +92,14 @@ def execute(args: argparse.Namespace) -> int:
     if args.max_points < 1:
         raise InvalidInput(f"--max-points must be >= 1, got {args.max_points}")
     check_picture(args.plot)
+    mesh = None if args.mesh is None else _mesh(args.mesh)
     with shown() as watch:
         found = branch(
             p,
             args.vary,
             args.start,
             args.end,
+            mesh=mesh,
             max_step=args.max_step,
             max_points=args.max_points,
             watch=watch,
@@ -112,16 +123,24 @@ def execute(args: argparse.Namespace) -> int:
     return code if succeeded else NO_PICTURE
 
 
+def _mesh(subdivisions: int) -> Any:
+    """The mesh of `--mesh`. Raises InvalidInput."""
+    from amoeboid.runs.meshes import Icosphere
+
+    if not 1 <= subdivisions <= 6:
+        raise InvalidInput(f"--mesh must be 1 to 6, got {subdivisions}")
+    return Icosphere(subdivisions)
+
+
 def _row(
-    found: Branch, state: SteadyState, names: Sequence[str], neutral: int | None = None
+    found: Branch, state: Any, names: Sequence[str], neutral: int | None = -1
 ) -> dict[str, Any]:
-    """The entry of a state; where a mode m = `neutral` has the rate 0, stability is no question."""
-    counts = state.unstable_modes.items()
+    """The entry of a state; where a mode m = `neutral` >= 0 or None has the rate 0, stability is
+    no question."""
     return {
         found.name: found.plain(state.parameters.value(found.name)),
         **state.plain(names),
-        "stable": state.stable if neutral is None else None,
-        "unstable_modes": {str(m): None if m == neutral else count for m, count in counts},
+        **found.stability_of(state, neutral),
     }
 
 
@@ -154,13 +173,12 @@ def _document(found: Branch, names: Sequence[str]) -> dict[str, Any]:
 
 def _print_branch(found: Branch, names: Sequence[str]) -> None:
     from amoeboid.studies.columns import text, titled, unit
-    from amoeboid.studies.states import states_rows
 
     p, name = found.parameters, found.name
     dimension = p.dimension(name)
     first = titled(name, "" if p.units is None else unit(p, dimension))
     for piece in found.pieces:
-        titles, rows = states_rows(piece, names)
+        titles, rows = found.rows(piece, names)
         values = [f"{found.plain(s.parameters.value(name)):.6g}" for s in piece]
         rows = [[value, *row] for value, row in zip(values, rows, strict=True)]
         say(*table([first, *titles], rows, limit=width()), "")
@@ -176,4 +194,5 @@ def _print_branch(found: Branch, names: Sequence[str]) -> None:
         say(f"fold at {name} = {at}, max_retrograde_speed = {speed}")
     for point in found.bifurcations:
         at = text(p, point.number, dimension, ".9g")
-        say(f"{point.kind} of m = {point.m} at {name} = {at}")
+        mode = "" if point.m is None else f" of m = {point.m}"
+        say(f"{point.kind}{mode} at {name} = {at}")

@@ -58,7 +58,7 @@ def column_of(p: Parameters, values: ArrayLike, dimension: str | None = None) ->
     return Column(np.asarray(magnitude(p, np.asarray(values), dimension)), unit_of(p, dimension))
 
 
-REPR = 600  # largest length of a table's repr
+MAX_REPR = 900
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -74,11 +74,6 @@ class Table:
 
     def __len__(self) -> int:
         return max((len(c.values) for c in self.columns.values()), default=0)
-
-    def __repr__(self) -> str:
-        names = ", ".join(titled(name, c.unit) for name, c in self.columns.items())
-        told = f"Table: {self.about}\n{len(self)} rows: {names}"
-        return told if len(told) <= REPR else f"{told[: REPR - 2]} …"
 
     def unit(self, name: str) -> str:
         """The unit of a column."""
@@ -102,6 +97,10 @@ class Table:
         rows = zip(*(c.values.tolist() for c in self.columns.values()), strict=True)
         writer.writerows([[_written(value) for value in row] for row in rows])
         return text.getvalue()
+
+    def __repr__(self) -> str:
+        names = ", ".join(titled(name, c.unit) for name, c in self.columns.items())
+        return f"Table: {self.about} ({len(self)} rows)\n{names}"[:MAX_REPR]
 
 
 def _written(value: Any) -> str:

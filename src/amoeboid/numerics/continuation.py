@@ -7,11 +7,11 @@ parameter in units of `parameter_scale`. Source: Keller, in *Applications of Bif
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.linalg import LinAlgError
@@ -20,6 +20,9 @@ from scipy.optimize import brentq
 from amoeboid.arrays import Array
 from amoeboid.numerics.newton import newton, solve
 from amoeboid.validation import InvalidInput
+
+WIDTHS = (1e-5, 1e-4, 1e-3)
+"""How far from a crossing of branches, in steps, the points lie that it is interpolated from."""
 
 COMPLEX_STEP = 1e-40
 
@@ -310,6 +313,7 @@ def located(
     options: Options,
     fold: bool = False,
     after: Point | None = None,
+    widths: Sequence[float] = WIDTHS,
 ) -> Point:
     """The point between neighbors a and b of a branch where `test` changes sign.
 
@@ -317,7 +321,8 @@ def located(
     only beyond it.
 
     Newton's method has no chance at a point where branches cross; there the test is interpolated
-    between points just beside it. Raises Stalled if those cannot be reached either.
+    between points just beside it, at most `widths` of the way from a to b off. Raises Stalled if
+    those cannot be reached either.
     """
     first = a if after is None else after
     begin, span = first.length - a.length, b.length - a.length
@@ -339,17 +344,21 @@ def located(
         at(root)
         point = known[root][0]
     except Stalled:
-        for width in (1e-5, 1e-4, 1e-3):
+        for width in widths:
             with suppress(Stalled):
                 at(max(missed[0] - width * span, begin))
                 at(min(missed[0] + width * span, span))
                 break
-        point = _interpolated(known, 2.1e-3 * span)
+        point = _interpolated(known, 2.1 * max(widths) * span)
     return replace(point, fold=fold)
 
 
 def _interpolated(known: dict[float, tuple[Point, float]], widest: float) -> Point:
-    """The zero of the straight line through the narrowest bracket of known test values."""
+    """The zero of the test in the narrowest bracket of known values.
+
+    On the straight line through the ends of the bracket, or, where that is wide, on the parabola
+    through the nearest point besides.
+    """
     ordered = sorted(known)
     brackets = [(q - p, p, q) for p, q in pairwise(ordered) if known[p][1] * known[q][1] <= 0]
     width, left, right = min(brackets)
@@ -357,11 +366,29 @@ def _interpolated(known: dict[float, tuple[Point, float]], widest: float) -> Poi
     if width > widest:
         raise Stalled(f"no solution near parameter = {a.parameter:.10g}")
     share = f / (f - g) if f != g else 0.0
-    return replace(
+    found = replace(
         a,
         x=a.x + share * (b.x - a.x),
         parameter=a.parameter + share * (b.parameter - a.parameter),
         length=a.length + share * width,
+    )
+    middle = 0.5 * (left + right)
+    others = [distance for distance in ordered if distance not in (left, right)]
+    if width <= 2.1 * max(WIDTHS) * (ordered[-1] - ordered[0]) or not others:
+        return found
+    c, h = known[min(others, key=lambda distance: abs(distance - middle))]
+    if h in (f, g):
+        return found
+    # Newton's form of the parabola in the test, at zero
+    second = f * g / ((h - f) * (h - g))
+
+    def curved(a: Any, b: Any, c: Any) -> Any:
+        return second * (c - a - (b - a) * (h - f) / (g - f))
+
+    return replace(
+        found,
+        x=found.x + curved(a.x, b.x, c.x),
+        parameter=float(found.parameter + curved(a.parameter, b.parameter, c.parameter)),
     )
 
 

@@ -196,7 +196,7 @@ def draw_branch(branch: Branch, ax: Any = None, observable: str = "max_retrograd
     for states, stable in _pieces(branch):
         axes.plot(
             [_value(branch, state) for state in states],
-            [_number(state, observable) for state in states],
+            [_along(branch, state, observable) for state in states],
             color=STABLE if stable else UNSTABLE,
             ls="-" if stable else "--",
             lw=1.8,
@@ -207,7 +207,7 @@ def draw_branch(branch: Branch, ax: Any = None, observable: str = "max_retrograd
     if observable == "max_retrograde_speed":
         axes.axhline(0.0, color="0.5", lw=0.8, label="homogeneous sphere")
     axes.set_xlabel(_label(p, branch.name, dimension))
-    axes.set_ylabel(_label(p, observable, observed.dimension(observable)))
+    axes.set_ylabel(_label(p, observable, branch.dimension(observable)))
     axes.grid(alpha=0.25)
     axes.legend(frameon=False, fontsize=9)
     return axes
@@ -218,7 +218,13 @@ def write_branch(branch: Branch, path: Path) -> None:
     write_drawing(branch, draw_branch, path, 6.4, 4.4)
 
 
-def _value(branch: Branch, state: SteadyState) -> float:
+def _along(branch: Branch, state: Any, observable: str) -> float:
+    """An observable of a state of a branch, as it is drawn."""
+    number, dimension = state.number(observable), branch.dimension(observable)
+    return float(magnitude(branch.parameters, number, dimension))
+
+
+def _value(branch: Branch, state: Any) -> float:
     number, dimension = (
         state.parameters.value(branch.name),
         branch.parameters.dimension(branch.name),
@@ -226,9 +232,9 @@ def _value(branch: Branch, state: SteadyState) -> float:
     return float(magnitude(branch.parameters, number, dimension))
 
 
-def _pieces(branch: Branch) -> list[tuple[list[SteadyState], bool]]:
+def _pieces(branch: Branch) -> list[tuple[list[Any], bool]]:
     """The branch cut where its stability changes: at folds and bifurcations."""
-    drawn: list[tuple[list[SteadyState], bool]] = []
+    drawn: list[tuple[list[Any], bool]] = []
     special = (*branch.folds, *branch.bifurcations)
     events = {id(s.state) for s in special}
     for number, (states, lengths) in enumerate(zip(branch.pieces, branch.lengths, strict=True)):
@@ -258,7 +264,8 @@ def _markers(axes: Any, branch: Branch, observable: str) -> None:
         _mark(axes, branch, fold, observable, "s", INK, label if k < MAX_LABELED else None)
     for k, point in enumerate(branch.bifurcations):
         number = as_drawn(text(p, point.number, dimension, ".5g"))
-        label = f"{point.kind}, m = {point.m}, {number}"
+        mode = "" if point.m is None else f", m = {point.m}"
+        label = f"{point.kind}{mode}, {number}"
         sign = "^" if point.kind == HOPF else "D"
         _mark(axes, branch, point, observable, sign, PURPLE, label if k < MAX_LABELED else None)
 
@@ -272,7 +279,7 @@ def _mark(
     color: str,
     label: str | None,
 ) -> None:
-    at = _value(branch, point.state), _number(point.state, observable)
+    at = _value(branch, point.state), _along(branch, point.state, observable)
     axes.plot(*at, sign, color=color, label=label)
 
 

@@ -34,7 +34,7 @@ from amoeboid.studies.columns import (
     value_of,
     with_units,
 )
-from amoeboid.studies.states import SHOWN, SteadyState, states_columns
+from amoeboid.studies.states import SHOWN, SteadyState, states_columns, states_rows
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
@@ -48,13 +48,13 @@ class SpecialPoint:
     """A point of a branch at which a mode of azimuthal number m is neutral.
 
     `kind` is "fold", "bifurcation" or "Hopf bifurcation"; `piece` the stretch that it lies on and
-    `length` its place there.
+    `length` its place there. m is None where the cell has no axis.
     """
 
     kind: str
     name: str
-    m: int
-    state: SteadyState
+    m: int | None
+    state: Any
     piece: int
     length: float
 
@@ -74,7 +74,7 @@ class SpecialPoint:
         at = text(
             self.state.parameters, self.number, self.state.parameters.dimension(self.name), "#.9g"
         )
-        mode = "" if self.kind == FOLD else f" of m = {self.m}"
+        mode = "" if self.kind == FOLD or self.m is None else f" of m = {self.m}"
         return f"{self.kind}{mode} at {self.name} = {at}"
 
 
@@ -94,7 +94,7 @@ class Branch:
 
     parameters: Parameters
     name: str
-    pieces: tuple[tuple[SteadyState, ...], ...]
+    pieces: tuple[tuple[Any, ...], ...]
     lengths: tuple[tuple[float, ...], ...]
     folds: tuple[SpecialPoint, ...]
     bifurcations: tuple[SpecialPoint, ...]
@@ -103,7 +103,7 @@ class Branch:
     problems: tuple[str, ...]
 
     @cached_property
-    def states(self) -> tuple[SteadyState, ...]:
+    def states(self) -> tuple[Any, ...]:
         """All states, piece after piece."""
         return tuple(state for piece in self.pieces for state in piece)
 
@@ -134,8 +134,18 @@ class Branch:
         """Whether each state is stable (points,)."""
         return np.array([state.stable for state in self.states], dtype=bool)
 
+    @staticmethod
+    def observables() -> tuple[str, ...]:
+        """The names of what every state has a number for."""
+        return observed.names()
+
+    @staticmethod
+    def dimension(name: str) -> str | None:
+        """The dimension of such a number; None where none is stated."""
+        return observed.dimension(name)
+
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in (*self.parameters.names, *observed.names()):
+        if name.startswith("_") or name not in (*self.parameters.names, *self.observables()):
             raise AttributeError(f"a branch has no attribute {name!r}")
         if name == self.name:
             return self.values
@@ -145,10 +155,10 @@ class Branch:
                 f"branch.parameters.{name}"
             )
         found = np.array([state.number(name) for state in self.states])
-        return quantity(self.parameters, found, observed.dimension(name))
+        return quantity(self.parameters, found, self.dimension(name))
 
     def __dir__(self) -> list[str]:
-        return sorted({*object.__dir__(self), self.name, *observed.names()})
+        return sorted({*object.__dir__(self), self.name, *self.observables()})
 
     def __len__(self) -> int:
         return len(self.states)
@@ -158,8 +168,10 @@ class Branch:
         """The parameter, the observables and the stability along the branch."""
         along = column(self.parameters, self.numbers, self.parameters.dimension(self.name))
         piece = column(self.parameters, self.piece)
-        found = states_columns(self.parameters, self.states)
-        return {self.name: along, **found, "piece": piece}
+        return {self.name: along, **self._state_columns(), "piece": piece}
+
+    def _state_columns(self) -> dict[str, Column]:
+        return states_columns(self.parameters, self.states)
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame with one row a state; its `attrs["units"]` holds the units."""
@@ -181,9 +193,9 @@ class Branch:
         Folds, bifurcations and thresholds are marked. Raises InvalidInput for an unknown
         observable.
         """
-        if observable not in observed.names():
+        if observable not in self.observables():
             raise InvalidInput(
-                f"observable must be one of {', '.join(observed.names())}, got {observable!r}"
+                f"observable must be one of {', '.join(self.observables())}, got {observable!r}"
             )
         return plotted(self, "branches.draw_branch", ax, observable=observable)
 
@@ -217,14 +229,31 @@ class Branch:
         lines = [self._heading]
         for piece in self.pieces[:MAX_LISTED]:
             ends = (self._at(s.parameters.value(self.name)) for s in (piece[0], piece[-1]))
-            stable = sum(state.stable for state in piece)
-            lines.append(
-                f"{len(piece)} states from {self.name} = {' to '.join(ends)}, {stable} of them "
-                "stable"
-            )
+            counted = self._stable_count(piece)
+            lines.append(f"{len(piece)} states from {self.name} = {' to '.join(ends)}{counted}")
         if len(self.pieces) > MAX_LISTED:
             lines.append(f"... and {len(self.pieces) - MAX_LISTED} more pieces")
         return "\n".join([*lines, *(f"- {t}" for t in shortened(self.problems, 2, "problems"))])
+
+    def rows(
+        self, states: Sequence[Any], names: Sequence[str]
+    ) -> tuple[list[str], list[list[str]]]:
+        """Titles and cells of a table of states with these observables and their stability."""
+        return states_rows(states, names)
+
+    def stability_of(self, state: Any, neutral: int | None = -1) -> dict[str, Any]:
+        """What programs read of the stability of a state.
+
+        Where it is a special point, `neutral` is its m: of that mode nothing is said.
+        """
+        counts = state.unstable_modes.items()
+        return {
+            "stable": state.stable if neutral == -1 else None,
+            "unstable_modes": {str(m): None if m == neutral else count for m, count in counts},
+        }
+
+    def _stable_count(self, piece: Sequence[Any]) -> str:
+        return f", {sum(state.stable for state in piece)} of them stable"
 
     def _repr_html_(self) -> str:
         notes = shortened(self.problems, 20, "problems", 500)
@@ -268,10 +297,7 @@ def branch(
     """
     refuse_no_parameters(p)
     first, last = checked_window(p, name, start, end)
-    if not (_is(Real, max_step) and math.isfinite(max_step) and max_step > 0):
-        raise InvalidInput(f"max_step must be > 0 and finite, got {max_step!r}")
-    if not (_is(Integral, max_points) and max_points >= 1):
-        raise InvalidInput(f"max_points must be a whole number >= 1, got {max_points!r}")
+    checked_options(max_step, max_points)
     scale = (onset_speed(p) if name == "v_p0" else None) or max(abs(first), abs(last))
     options = Options(
         parameter_scale=scale,
@@ -289,6 +315,14 @@ def branch(
     if not found.points and found.complete:
         raise InvalidInput(f"{found.message}: choose a window that it passes")
     return shown_branch(p, found)
+
+
+def checked_options(max_step: Any, max_points: Any) -> None:
+    """Raise InvalidInput for a step or a number of points that cannot be."""
+    if not (_is(Real, max_step) and math.isfinite(max_step) and max_step > 0):
+        raise InvalidInput(f"max_step must be > 0 and finite, got {max_step!r}")
+    if not (_is(Integral, max_points) and max_points >= 1):
+        raise InvalidInput(f"max_points must be a whole number >= 1, got {max_points!r}")
 
 
 def _is(kind: type, value: Any) -> bool:

@@ -44,7 +44,7 @@ from amoeboid.surface.rigid import (
     rotations,
 )
 from amoeboid.surface.state import Flow, State
-from amoeboid.surface.transport import exchanged, implicit_matrix
+from amoeboid.surface.transport import gained, implicit_matrix
 
 # Size of the perturbation: nonlinear terms and rounding errors are small compared to it.
 AMPLITUDE = 1e-6
@@ -70,11 +70,15 @@ class RotatedCue:
 class LinearizedStep:
     """The linear map of small perturbations of `state` by an implicit Euler step of length dt.
 
-    `flow`: the flow in the state, up to a small error. Raises SingularMatrix, InvalidInput.
+    `flow`: the flow in the state, up to a small error, relative to axes with the angular velocity
+    `turning` (3,), those of a cell on a circular path. Raises SingularMatrix, InvalidInput.
     """
 
-    def __init__(self, model: Model, state: State, flow: Flow, dt: float) -> None:
+    def __init__(
+        self, model: Model, state: State, flow: Flow, dt: float, turning: Array | None = None
+    ) -> None:
         self.model, self.state, self.dt = model, state, dt
+        self._turning = np.zeros(3) if turning is None else turning
         self.g = geometry(state.r, model.mesh.faces)
         self._scale = model.parameters.c0 + state.c
         self._zeta0, self._v_c = flow.zeta0, flow.v_c
@@ -93,15 +97,15 @@ class LinearizedStep:
         self._c_offset = offset[:, 0] * self._scale
         self._u_offset = offset[:, 1:] * model.rate * model.parameters.R0
         self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
-        self._entries, _ = implicit_matrix(model, self.g, u, dt)
+        self._transport = model.scalar_solver.factor(implicit_matrix(model, self.g, u, dt)[0])
         self._axes = cue_axes(model, state.r)
         self._tilts = self._tilted()
-        self._equations = Recycling(self._defect, 2 * len(zero) + len(self._axes))
+        self._equations = Recycling(self._defect, self.n)
 
     def image(self, y: Array, tolerance: float) -> Array:
         """The perturbation (2V,) after the step, from that before. Raises NoConvergence."""
-        zero = np.zeros(len(y) + len(self._axes))
-        return self._in_fixed_axes(self._equations.solve(self.iterate(zero, y), tolerance))
+        zero = np.zeros(self.n)
+        return self.in_fixed_axes(self._equations.solve(self.iterate(zero, y), tolerance))
 
     def residual(self, x: Array, y: Array, tolerance: float) -> Array:
         """The error (2V,) of x (2V,) as the image of y (2V,). Raises NoConvergence.
@@ -109,14 +113,25 @@ class LinearizedStep:
         The equations are evaluated with the opposite sign of the perturbations and on the other
         side of the kinks, so that the error includes deviations from a linear map.
         """
+        return self.in_fixed_axes(self._equations.solve(self.defect(x, y), tolerance))
+
+    @property
+    def n(self) -> int:
+        """The number of unknowns of a step: 2V, and the angles about the k axes of a cue."""
+        return 2 * len(self.state.c) + len(self._axes)
+
+    def defect(self, x: Array, y: Array) -> Array:
+        """By how much the equations (n,) are not fulfilled with x (2V,) as the image of y (2V,).
+
+        On the other side; see `residual`.
+        """
         unknowns = np.concatenate([x, np.zeros(len(self._axes))])
         if len(self._axes):
             angles = -self.iterate(-unknowns, -y)[len(x) :]
             unknowns = np.concatenate([x - self._tilts @ angles, angles])
-        defect = self.iterate(-unknowns, -y, side=-1) + unknowns
-        return self._in_fixed_axes(self._equations.solve(defect, tolerance))
+        return self.iterate(-unknowns, -y, side=-1) + unknowns
 
-    def _in_fixed_axes(self, unknowns: Array) -> Array:
+    def in_fixed_axes(self, unknowns: Array) -> Array:
         """The perturbation (2V,) in axes that do not rotate."""
         count = 2 * len(self.state.c)
         x, angles = unknowns[:count], unknowns[count:]
@@ -152,7 +167,7 @@ class LinearizedStep:
         gain = self._gained(c, g, u, side) - self._gain[side]
         before = node_areas(self._moved(h_y), self.model.mesh.faces)
         numbers = before * (self.state.c + self._scale * c_y) - g.node_areas * c
-        more = self._transported(numbers + dt * gain)
+        more = self._transport.solve(numbers + dt * gain)
         return np.concatenate([c_x + more / self._scale, h, dt * self._axes @ omega]) / amplitude
 
     def _velocity(
@@ -166,16 +181,16 @@ class LinearizedStep:
         """Velocity (V, 3), c (V,) and geometry of the perturbed cell, at the tension of the state.
 
         Implicit tension acts on the motion of the shape beyond h_x. The velocity is relative to
-        axes with the angular velocity `omega` (3,) [1/T] (None: 0), which are rotated by `angles`
-        (k,) about the axes of the cue (None: 0).
+        axes that turn by `omega` (3,) [1/T] (None: 0) more than those of the state, and are
+        rotated by `angles` (k,) about the axes of the cue (None: 0).
         """
-        model = self.model
+        model, turning = self.model, self._turning if omega is None else self._turning + omega
         if angles is not None and len(angles):
             model = replace(model, cue=RotatedCue(model.cue, self._axes.T @ angles))
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
         solution = force_balance(
-            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, omega
+            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, turning
         )
         return solution.v(self._zeta0), c, g
 
@@ -190,15 +205,9 @@ class LinearizedStep:
 
     def _gained(self, c: Array, g: Geometry, u: Array, side: int) -> Array:
         """Filaments (V,) that nodes gain per unit time, on one side of the kinks."""
-        p = self.model.parameters
         c, u = c + side * self._c_offset, u + side * self._u_offset
-        return exchanged(self.model, c, g, u) + p.beta * p.c0 * g.node_areas
+        return gained(self.model, c, g, u)
 
     def _moved(self, h: Array) -> Array:
         """Nodes (V, 3) at a height h R0 over those of the state."""
         return np.asarray(self.state.r + self.model.parameters.R0 * h[:, None] * self.g.normals)
-
-    def _transported(self, numbers: Array) -> Array:
-        """The change of concentration (V,) by a step that adds `numbers` of filaments (V,)."""
-        zero = np.zeros_like(numbers)
-        return self.model.scalar_solver.solve(self._entries, numbers, guess=zero)

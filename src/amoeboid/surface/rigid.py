@@ -22,6 +22,10 @@ from amoeboid.surface.transport import rate_of_change
 # A rotation is seen if it changes the cell by more than this, per radian: the mean square of the
 # changes of c, relative to c0 + c, and of r.n, relative to R0. It is damped below.
 MIN_CHANGE = 1e-4
+# Rigid motions that change the cell by less than the first share of the largest change, or by what
+# discretization errors make of a rotation around an axis of symmetry, the second number over that
+# of the nodes, are none: rotations of a sphere or around such an axis.
+MIN_MOTION, ERROR_OF_MOTION = 0.02, 3.0
 # Angle of a test rotation, and the largest rms change of a cue's factor per radian at which the
 # rotation counts as free.
 TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
@@ -64,6 +68,24 @@ def translations(x: Array) -> list[Array]:
 def rotations(x: Array, axes: Array) -> list[Array]:
     """Velocities of nodes x (V, 3) that rotate with unit angular velocity around `axes` (k, 3)."""
     return [np.cross(axis, x) for axis in axes]
+
+
+def rigid_changes(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:
+    """How rigid motions change the cell: orthonormal changes (2V, k) of c'/(c0 + c) and h/R0, of
+    what motions they are sums (k, 6), and those.
+
+    A motion is a velocity (in the unit R0) and an angular velocity about the center of volume.
+    Motions that do not change the cell are left out, and rotations that change a cue.
+    """
+    p, mesh = model.parameters, model.mesh
+    slope = gradient(c, g, mesh) / (p.c0 + c)[:, None]
+    x, axes = r - volume_centroid(r, mesh.faces), free_axes(model, r)
+    fields = [*(p.R0 * e for e in translations(x)), *rotations(x, axes)]
+    motions = np.zeros((len(fields), 6))
+    motions[:3, :3], motions[3:, 3:] = np.eye(3), axes
+    found, sizes, shares = np.linalg.svd(changes(fields, slope, g.normals, p.R0), False)
+    kept = sizes > min(MIN_MOTION, ERROR_OF_MOTION / len(c)) * sizes[0]
+    return found[:, kept], shares[kept] / sizes[kept, None], motions
 
 
 def free_axes(model: Model, r: Array) -> Array:

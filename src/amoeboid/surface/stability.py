@@ -3,7 +3,7 @@
 An implicit Euler step of length dt multiplies a perturbation of growth rate lambda by the factor
 mu = 1/(1 - lambda dt). Arnoldi's iteration finds the outlying eigenvalues mu of the linearized
 step. They belong to the slowest modes; mu is near 0 for all others (L. S. Tuckerman and D. Barkley,
-in IMA Volumes 119, 453, 2000). With dt = 1/rate only few mu are outlying. The linearized step
+in IMA Volumes 119, 453, 2000). With dt = 2/rate only few mu are outlying. The linearized step
 (`linearized.py`) may be longer than any step of a run. Where filaments are swept to the rear the
 map is far from normal, and small errors of the map cause larger errors of lambda. Every growth rate
 therefore comes with an estimate of its error.
@@ -29,22 +29,22 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
 from amoeboid.numerics.arnoldi import ritz_values
-from amoeboid.numerics.recycling import NoConvergence
+from amoeboid.numerics.recycling import NoConvergence, Recycling
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
-from amoeboid.surface.rigid import changes, free_axes, gradient, rotations, translations
+from amoeboid.surface.rigid import rigid_changes
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
 # Length of the step in units of 1/model.rate, and the shares of it that are tried in turn if the
 # equations of the step cannot be solved. The shorter the step, the closer the eigenvalues mu.
-STEP, SHARES = 1.0, (1.0, 0.3, 0.1)
+STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
-TOLERANCE = 1e-5
+TOLERANCE = 3e-5
 # Factors mu below this belong to modes that decay within a step, or are noise.
-MIN_FACTOR = 0.1
+MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
 MAX_ERROR = 0.02
 # If the sign of the growth rate is not certain, the error is reduced further, down to this.
@@ -56,9 +56,6 @@ SMALL_SHARE = 0.3
 MIN_APPLICATIONS, MAX_APPLICATIONS = 8, 100
 # The iteration starts from a sum of all spherical harmonics up to this degree.
 DEGREE = 3
-# Rigid motions that change the cell by less than this share of the largest change are ignored:
-# rotations of a sphere or around an axis of symmetry.
-MIN_MOTION = 0.02
 
 
 @dataclass(frozen=True)
@@ -82,31 +79,55 @@ def leading_growth_rate(
     step: float = STEP,
     tolerance: float = TOLERANCE,
     max_error: float = MAX_ERROR,
+    turning: Array | None = None,
 ) -> Growth:
     """The growth rate of the fastest growing perturbation of a steady state.
 
-    `flow`: the flow in `state`. `step`: the length of the linearized step in units of 1/model.rate;
-    `max_error`: the error to aim at in units of model.rate.
+    `flow`: the flow in `state`, relative to axes with the angular velocity `turning` (3,), in which
+    it is steady. `step`: the length of the linearized step in units of 1/model.rate; `max_error`:
+    the error to aim at in units of model.rate.
     """
+    return leading_mode(model, state, flow, step, tolerance, max_error, turning)[0]
+
+
+def leading_mode(
+    model: Model,
+    state: State,
+    flow: Flow,
+    step: float = STEP,
+    tolerance: float = TOLERANCE,
+    max_error: float = MAX_ERROR,
+    turning: Array | None = None,
+) -> tuple[Growth, NDArray[np.complex128] | None]:
+    """What `leading_growth_rate` gives, and that perturbation (2V,), if one was found."""
     problem = ""
     for share in SHARES:
         try:
-            found = _with_steps(model, state, flow, share * step, tolerance, max_error)
+            found, mode = _with_steps(
+                model, state, flow, share * step, tolerance, max_error, turning
+            )
         except (NoConvergence, SingularMatrix, InvalidInput, np.linalg.LinAlgError) as error:
             problem = problem or f"the cell could not be perturbed: {error}"
             continue
         if found.rate is not None:
-            return found
+            return found, mode
         problem = found.problem
-    return Growth(None, problem=problem)
+    return Growth(None, problem=problem), None
 
 
 def _with_steps(
-    model: Model, state: State, flow: Flow, step: float, tolerance: float, max_error: float
-) -> Growth:
-    restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance)
+    model: Model,
+    state: State,
+    flow: Flow,
+    step: float,
+    tolerance: float,
+    max_error: float,
+    turning: Array | None,
+) -> tuple[Growth, NDArray[np.complex128] | None]:
+    restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
     wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
     best = Growth(None, problem="no perturbation was found that decays slowly enough")
+    mode = None
     for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
         if count > MAX_APPLICATIONS:
             break
@@ -126,30 +147,44 @@ def _with_steps(
             error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
         if not np.isfinite(error):
             continue
-        best = Growth(rate, float(error))
+        best, mode = Growth(rate, float(error)), found.vector(int(seen[first]))
         accurate = error < wanted and (abs(rate) > error or error < smallest)
         # or further applications would not reduce the error
         if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):
             break
-    return best
+    return best, mode
 
 
 class RestrictedStep:
-    """A linearized step of length dt [T] without rigid motions of the cell; see the module."""
+    """A linearized step of length dt [T] without rigid motions of the cell; see the module.
 
-    def __init__(self, model: Model, state: State, flow: Flow, dt: float, tolerance: float) -> None:
+    Its image x of y is that of y + E a, with the excluded motions E (2V, k) by such amounts a (k,)
+    that x has none of them. One iteration x = T x + S y of the step then becomes
+    x = P (T x + S y), P the projection along S E on what has none of them.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        state: State,
+        flow: Flow,
+        dt: float,
+        tolerance: float,
+        turning: Array | None = None,
+    ) -> None:
         self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
-        self._step = LinearizedStep(model, state, flow, dt)
-        slope = gradient(state.c, self._step.g, model.mesh)
-        slope /= (model.parameters.c0 + state.c)[:, None]
-        self._excluded = _excluded(model, state, self._step.g, slope)
-        images = [self._step.image(y, tolerance) for y in self._excluded.T]
-        self._excluded_images = np.reshape(images, self._excluded.T.shape).T
-        self._inverse = np.linalg.inv(self._excluded.T @ self._excluded_images)
+        self._step = LinearizedStep(model, state, flow, dt, turning)
+        self._excluded = _excluded(model, state, self._step.g)
+        self._zero = np.zeros(self._step.n), np.zeros(2 * len(state.c))
+        moved = [self._step.iterate(self._zero[0], y) for y in self._excluded.T]
+        self._moved = np.reshape(moved, (self._excluded.shape[1], self._step.n)).T
+        kept = [self._kept(column) for column in self._moved.T]
+        self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
+        self._equations = Recycling(self._defect, self._step.n)
 
     def image(self, y: Array) -> Array:
         """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._restricted(self._step.image(y, self._tolerance))
+        return self._solved(self._step.iterate(self._zero[0], y))
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -160,7 +195,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                parts.append(self._restricted(self._step.residual(x, y, self._tolerance)))
+                parts.append(self._solved(self._step.defect(x, y)))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
@@ -168,24 +203,27 @@ class RestrictedStep:
         y = _start(self.state, self.model)
         return np.asarray(y - self._excluded @ (self._excluded.T @ y))
 
-    def _restricted(self, x: Array) -> Array:
-        """The solution x (2V,) of a step under the constraint that excluded motions vanish."""
-        kept = self._excluded.T @ x
-        x = x - self._excluded_images @ (self._inverse @ kept)
+    def _solved(self, right: Array) -> Array:
+        """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
+        solution = self._equations.solve(self._projected(right), self._tolerance)
+        x = self._step.in_fixed_axes(solution)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
+    def _defect(self, unknowns: Array) -> Array:
+        return unknowns - self._projected(self._step.iterate(unknowns, self._zero[1]))
 
-def _excluded(model: Model, state: State, g: Geometry, slope: Array) -> Array:
-    """Orthonormal perturbations (2V, k) that are excluded; see the module.
+    def _projected(self, unknowns: Array) -> Array:
+        return unknowns - self._moved @ (self._inverse @ self._kept(unknowns))
 
-    `slope` (V, 3): the gradient of c over c0 + c.
-    """
+    def _kept(self, unknowns: Array) -> Array:
+        """The excluded motions (k,) in unknowns of a step."""
+        return np.asarray(self._excluded.T @ self._step.in_fixed_axes(unknowns))
+
+
+def _excluded(model: Model, state: State, g: Geometry) -> Array:
+    """Orthonormal perturbations (2V, k) that are excluded; see the module."""
     p, faces = model.parameters, model.mesh.faces
-    x = (state.r - volume_centroid(state.r, faces)) / p.R0
-    turns = rotations(x, free_axes(model, state.r))
-    motions = [p.R0 * motion for motion in (*translations(x), *turns)]
-    rigid, sizes, _ = np.linalg.svd(changes(motions, slope, g.normals, p.R0), full_matrices=False)
-    columns = [rigid[:, sizes > MIN_MOTION * sizes[0]]]
+    columns = [rigid_changes(model, state.r, state.c, g)[0]]
     if p.beta == 0.0:
         of_shape = weighted_area_gradient(g, faces, state.c[faces].mean(axis=1))
         along = p.R0 * np.einsum("vi,vi->v", of_shape, g.normals)

@@ -314,9 +314,19 @@ def area_preserving_move(
     model: Model, start: Array, g: Geometry, solution: TensionFlow, dt: float, zeta0: float
 ) -> tuple[Array, float]:
     """Nodes moved by the normal velocity, with the tension for which the area is A0 (Newton)."""
-    faces, A0 = model.mesh.faces, model.A0
     r_at_zero_tension = start + dt * normal_part(solution.v_at_zero_tension, g.normals)
     dr_dzeta0 = dt * normal_part(solution.dv_dzeta0, g.normals)
+    return tension_for_area(model, r_at_zero_tension, dr_dzeta0, zeta0)
+
+
+def tension_for_area(
+    model: Model, r_at_zero_tension: Array, dr_dzeta0: Array, zeta0: float
+) -> tuple[Array, float]:
+    """The tension for which nodes r_at_zero_tension + zeta0 dr_dzeta0 have the area A0, and those.
+
+    By Newton's method from an estimate `zeta0`. Raises StepFailed.
+    """
+    faces, A0 = model.mesh.faces, model.A0
     for _ in range(30):
         r = r_at_zero_tension + zeta0 * dr_dzeta0
         found, dA_dzeta0 = area_along(r, faces, dr_dzeta0)

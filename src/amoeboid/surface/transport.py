@@ -147,3 +147,9 @@ def exchanged(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> 
         added, c, model
     )
     return product(entries, model.mesh, c) + kept
+
+
+def gained(model: Model, c: Array, g: Geometry, relative_velocity: Array) -> Array:
+    """Filaments that each node gains per unit time (V,) [N/T], the new ones included."""
+    p = model.parameters
+    return exchanged(model, c, g, relative_velocity) + p.beta * p.c0 * g.node_areas

@@ -6,6 +6,6 @@ with M-matrices. `SingularMatrix` is what both raise, `Factor` a factorized matr
 
 from amoeboid.numerics.sparse.banded import Factor, SingularMatrix
 from amoeboid.numerics.sparse.cholesky import SparseCholesky
-from amoeboid.numerics.sparse.m_matrix_lu import MMatrixLU
+from amoeboid.numerics.sparse.m_matrix_lu import MMatrixFactor, MMatrixLU
 
-__all__ = ["Factor", "MMatrixLU", "SingularMatrix", "SparseCholesky"]
+__all__ = ["Factor", "MMatrixFactor", "MMatrixLU", "SingularMatrix", "SparseCholesky"]

@@ -9,6 +9,7 @@ diagonal is 1, and one for the columns of the transposed U.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -84,28 +85,61 @@ class MMatrixLU:
         The rounding errors of the elimination are proportional to the distance from the guess.
         A matrix that is not an M-matrix is solved by banded LU with pivoting.
         """
-        x = np.array(guess, dtype=float)
-        if self._solved(entries, b, x):
+        x, r = np.array(guess, dtype=float), np.empty(self.n)
+        if self._left(entries, b, x, r) <= ROUNDING:
             return x
+        if self._factorized(entries, *self._workspace[:2]):
+            x = self._improved(self._workspace[:2], x, r)
+            if self._left(entries, b, x, r) <= ACCEPTED:
+                return x
+        return self._directly(entries, b)
+
+    def factor(self, entries: Array) -> MMatrixFactor:
+        """The factorized matrix with these `entries`, for many right-hand sides."""
+        panels = (np.empty(self._fronts.panels), np.empty(self._fronts.panels))
+        return MMatrixFactor(self, entries, panels if self._factorized(entries, *panels) else None)
+
+    def _factorized(self, entries: Array, lower: Array, upper: Array) -> bool:
+        f, updates = self._fronts, self._workspace[2]
+        return bool(_factorized(entries, self._transposed, f.table, f.down, f.across, f.entries,
+                                f.children, lower, upper, updates))  # fmt: skip
+
+    def _left(self, entries: Array, b: Array, x: Array, r: Array) -> float:
+        """The residual r = b - A x, and its size as a share of |A| |x| + |b|."""
+        left, scale = _residual(entries, self._row_start, self._columns, b, x, r)
+        if not scale < np.inf:
+            return np.inf
+        return float(left / scale) if left > 0.0 else 0.0
+
+    def _improved(self, panels: tuple[Array, Array], x: Array, r: Array) -> Array:
+        """x with the residual r eliminated."""
+        f, change = self._fronts, r[self._fronts.order]
+        _substituted(f.table, f.boundary, *panels, change, self._local)
+        x[f.order] += change
+        return x
+
+    def _directly(self, entries: Array, b: Array) -> Array:
         if not (np.all(np.isfinite(entries)) and np.all(np.isfinite(b))):
             raise SingularMatrix("the matrix must be regular; a number is not finite")
         return self._direct.factor(entries).solve(b)
 
-    def _solved(self, entries: Array, b: Array, x: Array) -> bool:
-        """Solve from the guess x on; whether it succeeded."""
-        f, r = self._fronts, np.empty(self.n)
-        left, scale = _residual(entries, self._row_start, self._columns, b, x, r)
-        if left <= ROUNDING * scale and scale < np.inf:
-            return True
-        lower, upper, updates = self._workspace
-        if not _factorized(entries, self._transposed, f.table, f.down, f.across, f.entries,
-                           f.children, lower, upper, updates):  # fmt: skip
-            return False
-        change = r[f.order]
-        _substituted(f.table, f.boundary, lower, upper, change, self._local)
-        x[f.order] += change
-        left, scale = _residual(entries, self._row_start, self._columns, b, x, r)
-        return bool(left <= ACCEPTED * scale and scale < np.inf)
+
+@dataclass(frozen=True, eq=False, repr=False)
+class MMatrixFactor:
+    """A factorized matrix; without `panels` elimination in any order would not be sound."""
+
+    solver: MMatrixLU
+    entries: Array
+    panels: tuple[Array, Array] | None
+
+    def solve(self, b: Array) -> Array:
+        """Solution x (n,) of A x = b. Raises SingularMatrix."""
+        x, r = np.zeros(len(b)), np.array(b, dtype=float)
+        if self.panels is not None:
+            x = self.solver._improved(self.panels, x, r)
+            if self.solver._left(self.entries, b, x, r) <= ACCEPTED:
+                return x
+        return self.solver._directly(self.entries, b)
 
 
 @compiled
