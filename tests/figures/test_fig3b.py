@@ -61,7 +61,8 @@ def test_runs_at_rest_above_the_fold_are_told():
     rows += [{"polarized": True, "max_retrograde_speed": s, ERRORS[0]: 0.1} for s in (1.0, 2.0)]
     (note,) = computed.lost(Parameters(), window, rows)  # error of the fold: 0.1 0.2/1 = 0.02
     assert "at v_p0 = 5.1000, runs from the strong start end at rest" in note
-    assert computed.lost(Parameters(), window, [rows[0], *rows[3:4] * 4]) == []
+    polarized = [rows[3] | {"max_retrograde_speed": s} for s in (1.0, 1.2, 1.4, 1.6)]
+    assert computed.lost(Parameters(), window, [rows[0], *polarized]) == []
 
 
 @pytest.mark.slow
