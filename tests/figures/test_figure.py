@@ -1,7 +1,12 @@
 """What all figures share: names, tables as files, results that are kept."""
 
 import csv
+import functools
+import importlib
 import json
+import pickle
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ import pytest
 from amoeboid import InvalidInput, Parameters, figures
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
+from amoeboid.figures.sources import used_files
 from amoeboid.figures.tables import FigureData, Table, column_of, label, unit_of
 
 calls = []
@@ -102,6 +108,81 @@ def test_a_function_of_a_notebook_is_computed_each_time(tmp_path):
         assert Results().of(cell["answer"], task="answer") == value
 
 
+def made_by(value):
+    def made():
+        return value
+
+    return made
+
+
+class Holder:
+    def __init__(self, value):
+        self.value = value
+
+    def method(self):
+        return self.value
+
+
+def test_a_function_that_its_name_does_not_tell_from_others_is_computed_each_time(tmp_path):
+    for first, second in (
+        (made_by(1), made_by(2)),
+        (lambda: 1, lambda: 2),
+        (Holder(1).method, Holder(2).method),
+        (functools.partial(int, 1), functools.partial(int, 2)),
+    ):
+        for results in (Results(), Results(tmp_path)):
+            assert results.of(first, task="first") == 1
+            assert results.of(second, task="second") == 2
+
+
+@pytest.fixture
+def own_package(tmp_path, monkeypatch):
+    """A package of the user: figures, what they import, and what they do not."""
+    texts = {
+        "__init__": "",
+        "model": "from .numbers import N\n\ndef answer():\n    return N\n",
+        "numbers": "N = 1\n",
+        "figures": "def f():\n    from ownlab import model\n    return model.answer()\n",
+        "other": "M = 1\n",
+    }
+    folder = tmp_path / "code" / "ownlab"
+    folder.mkdir(parents=True)
+    for name, text in texts.items():
+        (folder / f"{name}.py").write_text(text)
+    monkeypatch.syspath_prepend(folder.parent)
+    monkeypatch.setattr("sys.dont_write_bytecode", True)
+    yield folder
+    for name in [name for name in sys.modules if name.partition(".")[0] == "ownlab"]:
+        del sys.modules[name]
+
+
+def test_a_result_depends_on_what_its_file_imports_directly_or_not(own_package, tmp_path):
+    from ownlab import figures as own
+
+    assert Results(tmp_path).of(own.f, task="f") == 1
+    (own_package / "other.py").write_text("M = 2\n")
+    before = sorted((tmp_path / ".computed").iterdir())
+    assert Results(tmp_path).of(own.f, task="f") == 1
+    assert sorted((tmp_path / ".computed").iterdir()) == before
+    (own_package / "numbers.py").write_text("N = 22\n")
+    for name in ("numbers", "model"):
+        importlib.reload(sys.modules[f"ownlab.{name}"])
+    assert Results(tmp_path).of(own.f, task="f") == 22
+
+
+def test_kept_results_of_figures_depend_on_the_modules_of_figures_that_they_import():
+    from amoeboid.figures import computed
+    from amoeboid.figures.gallery import extra_pressure
+
+    def files(module):
+        return {path.name for path in used_files(Path(module.__file__).resolve(), module.__name__)}
+
+    assert {"extra_pressure.py", "computed.py"} < files(extra_pressure)
+    assert "tables.py" in files(computed)
+    assert "drawing.py" not in files(computed)
+    assert "fig3c.py" not in files(extra_pressure)
+
+
 def test_results_of_cells_in_other_units_are_kept_apart(tmp_path):
     p = Parameters.physical()
     first = OWN.data(p, Results(tmp_path))
@@ -135,3 +216,24 @@ def test_units_are_those_of_the_paper_only_where_they_hold():
     assert unit_of(Parameters(beta=0.5), "L/T") == "L/T"
     assert unit_of(Parameters.physical(), "L/T") == "um/s"
     assert label("v", "um^2/s") == "v [µm$^{2}$/s]"
+
+
+def test_a_grid_of_axes_is_taken_as_subplots_gives_it():
+    from matplotlib.figure import Figure as Canvas
+
+    axes = Canvas().subplots(2, 2)
+    assert figures.fig1(ax=axes) == list(axes.flat)
+    with pytest.raises(InvalidInput, match="4 axes"):
+        figures.fig1(ax=axes[:1])
+
+
+def test_figures_and_their_numbers_pickle_and_have_short_texts():
+    data = figures.fig1.data()
+    again = pickle.loads(pickle.dumps(data))  # noqa: S301  (our own)
+    for name, table in data.items():
+        assert again[name].csv([]) == table.csv([])
+        assert len(repr(table)) < 1000
+    assert "cell" in repr(data)
+    assert "v_laboratory_x [R0 beta]" in repr(data["cell"])
+    assert len(repr(data)) < 1000
+    assert pickle.loads(pickle.dumps(figures.fig1)).name == "fig1"  # noqa: S301  (our own)

@@ -3,6 +3,7 @@ import os
 import shutil
 import subprocess
 import sys
+import tempfile
 import warnings
 
 import numba.core.config
@@ -103,6 +104,45 @@ def test_a_folder_that_cannot_be_read_costs_time_only(folder, monkeypatch):
     with pytest.warns(RuntimeWarning, match=r"Permission denied") as told:
         assert compiled(double)(np.float64(3.0)) == 6.0
     assert len(told) == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners and modes of files")
+@pytest.mark.parametrize("mode", [0o770, 0o707], ids=oct)
+def test_kernels_in_a_folder_that_others_can_write_to_are_not_executed(mode, folder):
+    assert compiled(double)(np.float64(3.0)) == 6.0
+    (name,) = kernels(folder)
+    assert kept.folder().stat().st_mode & 0o777 == 0o700
+    before = name.read_bytes()
+    kept.folder().chmod(mode)
+    again = compiled(double)
+    with pytest.warns(RuntimeWarning, match="other users can write to it") as told:
+        assert again(np.float64(3.0)) == 6.0
+    assert len(told) == 1
+    assert sum(again.stats.cache_hits.values()) == 0
+    assert name.read_bytes() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid"), reason="no owners of files")
+def test_kernels_in_a_folder_of_another_user_are_not_executed(folder, monkeypatch):
+    assert compiled(double)(np.float64(3.0)) == 6.0
+    owner = kept.folder().stat().st_uid
+    if owner == 0:
+        os.chown(kept.folder(), 12345, 12345)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: owner + 1)
+    again = compiled(double)
+    with pytest.warns(RuntimeWarning, match="it belongs to another user"):
+        assert again(np.float64(3.0)) == 6.0
+    assert sum(again.stats.cache_hits.values()) == 0
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="these tell the folder of a user")
+def test_a_user_without_a_home_keeps_kernels_among_temporary_files(tmp_path, monkeypatch):
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", "")
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    monkeypatch.setattr(tempfile, "gettempdir", lambda: str(tmp_path))
+    assert kept.folder().parents[1] == tmp_path / f"cache-{os.geteuid()}"
 
 
 def test_kernels_are_compiled_where_numba_is_switched_off():

@@ -10,8 +10,9 @@ import pytest
 
 import amoeboid as am
 from amoeboid.cli.main import main
-from amoeboid.studies.branch import BIFURCATION
+from amoeboid.studies.branch import BIFURCATION, HOPF
 from amoeboid.surface import branches
+from amoeboid.surface.stability import Growth
 from surface.shapes import observed_orders
 
 STIFF = am.Parameters(D=0.4)
@@ -102,6 +103,50 @@ def test_a_circle_leaves_the_straight_cell_where_a_mode_of_m_1_is_neutral():
     share = near.number("turning") ** 2 / (near.parameters.v_p0 - point.number)
     assert share == pytest.approx(0.285, rel=0.1)
     assert near.stability == "stable"
+
+
+def test_only_steady_cells_of_the_parameters_leave_a_bifurcation_within_the_window():
+    """From elsewhere the iteration led to a straight cell, given as a branch of circles."""
+    (point,) = straight(2).bifurcations
+    oscillating = replace(point, kind=HOPF)
+    soft = replace(TURNS, D=0.5)
+    for p, ends, through, why in (
+        (TURNS, (8.0, 8.2), point, "the window must contain the bifurcation .* v_p0 = 7.87"),
+        (TURNS, (7.0, 7.5), point, "the window must contain the bifurcation .* v_p0 = 7.87"),
+        (soft, (7.8, 8.0), point, "of cells of the parameters p, .* D differs"),
+        (TURNS, (7.8, 8.0), oscillating, "that steady cells leave from"),
+    ):
+        with pytest.raises(am.InvalidInput, match=why):
+            am.branch(p, "v_p0", *ends, through=through)
+    with pytest.raises(am.InvalidInput, match="mesh must be left out"):
+        am.branch(TURNS, "v_p0", 7.8, 8.0, through=point, mesh=am.Icosphere(2))
+
+
+def test_circles_are_followed_in_another_parameter_from_their_onset():
+    (point,) = straight(2).bifurcations
+    p = point.state.parameters
+    found = am.branch(p, "delta_P", 19, 21, through=point, stability=False)
+    assert found.complete
+    assert {cell.path for cell in found.states} == {"circle"}
+    assert found.delta_P[-1] == 19.0
+    (begin,) = found.bifurcations
+    assert (begin.name, begin.number) == ("delta_P", 20.0)
+
+
+def test_a_pickled_cell_keeps_its_growth_rate():
+    cell = straight(2).states[0]
+    again = pickle.loads(pickle.dumps(cell))  # noqa: S301
+    assert again.known_stability == cell.stability
+    assert again.number("growth_rate") == cell.number("growth_rate")
+
+
+def test_what_is_said_of_cells_in_physical_units_has_units():
+    cell = am.Parameters.physical()
+    with pytest.raises(am.InvalidInput, match=r"v_p0 = 0.1 um/s or 0.2 um/s, there is none"):
+        am.branch(cell, "v_p0", "0.1 um/s", "0.2 um/s", mesh=am.Icosphere(1))
+    found = am.steady_state(cell, mesh=am.Icosphere(1))
+    found.__dict__["_growth"] = Growth(0.001, 0.5)
+    assert "perturbation, 0.0001 1/s, is only known to 0.05 1/s" in found.stability_problem
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from collections.abc import Sequence
 from functools import partial
@@ -80,17 +81,52 @@ def execute(args: argparse.Namespace) -> int:
     chosen = [
         figures.named(name) for name in dict.fromkeys(figures.names() if every else args.names)
     ]
-    work = [(figure, _parameters(figure, args, every)) for figure in chosen]
-    args.output.mkdir(parents=True, exist_ok=True)
+    given = {figure: _given(figure, args, every) for figure in chosen}
+    if all(isinstance(p, InvalidInput) for p in given.values()):
+        raise next(p for p in given.values() if isinstance(p, InvalidInput))
+    _make_folder(args.output)
     code, document = 0, {}
-    for number, (figure, p) in enumerate(work, 1):
-        place = f"{figure.name} ({number} of {len(work)})"
-        made, failed = _made(figure, p, args, formats, place)
-        document[figure.name] = made
+    for number, (figure, p) in enumerate(given.items(), 1):
+        place = f"{figure.name} ({number} of {len(given)})"
+        try:
+            document[figure.name], failed = _made(figure, _valid(p), args, formats, place)
+        except InvalidInput as error:
+            if len(given) == 1:
+                raise
+            tell("figure", f"{figure.name} could not be made: {error}")
+            document[figure.name] = {"files": [], "notes": [], "problems": [str(error)]}
+            failed = FAILURE
         code = max(code, failed)
     if args.json:
         print_json(document)
     return code
+
+
+def _given(figure: Figure, args: argparse.Namespace, every: bool) -> Parameters | InvalidInput:
+    """The parameters of a figure; of all figures, or why one cannot have those of --set."""
+    try:
+        return _parameters(figure, args, every)
+    except InvalidInput as error:
+        if not every:
+            raise
+        return error
+
+
+def _valid(p: Parameters | InvalidInput) -> Parameters:
+    if isinstance(p, InvalidInput):
+        raise p
+    return p
+
+
+def _make_folder(path: Path) -> None:
+    """Make the folder for the files. Raises InvalidInput before anything is computed, OSError."""
+    if path.exists() and not path.is_dir():
+        raise InvalidInput(f"-o must be a folder, {str(path)!r} is a file; choose another")
+    path.mkdir(parents=True, exist_ok=True)
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise InvalidInput(
+            f"-o must be a folder that can be written to, got {str(path)!r}; choose another"
+        )
 
 
 def _made(

@@ -101,9 +101,12 @@ def only_parameters(args: argparse.Namespace) -> Parameters:
 
 
 def parameters_from(settings: Sequence[str], physical: bool, base: Parameters) -> Parameters:
-    """The same from `base`, or from the paper's cell. Raises InvalidInput."""
-    if physical:
-        return Parameters.physical(**quantities(settings))
+    """The same from `base`, or from the paper's cell. Raises InvalidInput.
+
+    Of a base in physical units all values have units, with `physical` or without.
+    """
+    if physical or base.units is not None:
+        return Parameters.physical(**(_own_quantities(base) | quantities(settings)))
     start = Config(parameters=base)
     for setting in settings:
         section, dot, _ = setting.partition("=")[0].strip().partition(".")
@@ -114,6 +117,14 @@ def parameters_from(settings: Sequence[str], physical: bool, base: Parameters) -
                 "it; leave it out"
             )
     return with_settings(start, settings).parameters
+
+
+def _own_quantities(base: Parameters) -> dict[str, Any]:
+    """What is not as in the paper's cell, of parameters in physical units; else nothing."""
+    if base.units is None:
+        return {}
+    usual = Parameters.physical().quantities()
+    return {name: q for name, q in base.quantities().items() if q != usual.get(name)}
 
 
 def quantities(settings: Sequence[str]) -> dict[str, str]:

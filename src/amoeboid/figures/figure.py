@@ -9,6 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from amoeboid.figures.results import Results
 from amoeboid.figures.style import COLUMN, DPI, print_style
 from amoeboid.figures.tables import FigureData
@@ -129,7 +131,7 @@ class Figure:
 
     def _checked(self, ax: Any) -> list[Any]:
         count = self.panels[0] * self.panels[1]
-        given = [ax] if count == 1 else list(ax) if hasattr(ax, "__iter__") else [ax]
+        given = list(np.ravel(np.asarray(ax, dtype=object)))  # also a grid of rows and columns
         if len(given) != count or not all(hasattr(one, "plot") for one in given):
             wanted = "axes of matplotlib" if count == 1 else f"{count} axes of matplotlib"
             raise InvalidInput(f"ax must be {wanted}, or left out, got {ax!r}")

@@ -10,23 +10,17 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Sequence
-from functools import cache
 from hashlib import sha256
-from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from amoeboid.figures.sources import digest_of
 from amoeboid.model.parameters import Parameters, parameters_to_toml
 from amoeboid.output.atomic import write_text
 from amoeboid.validation import InvalidInput
 
 FOLDER = ".computed"
 """Where the results lie, in the folder of the pictures."""
-
-SHARED = "figures/computed.py"
-WITHOUT_RESULTS = ("cli", "figures", "plotting")
-"""Folders of the package that no result depends on, besides SHARED and its own file."""
 
 Tell = Callable[[Sequence[str]], None]
 """A callback that gets the parts of a line of progress."""
@@ -100,10 +94,11 @@ class Results:
 def _key(function: Callable[..., Any], arguments: Sequence[Any]) -> str | None:
     """A text that differs where the result may; None where no text can describe that.
 
-    This is so for a law or stress that is a Python function, and for a function that no file holds:
-    one of a notebook may be another one in the next moment.
+    This is so for a law or stress that is a Python function, and for a function that its name does
+    not tell from others: one of a notebook may be another one in the next moment, one made by
+    another function depends on what that was given.
     """
-    own = getattr(sys.modules.get(function.__module__), "__file__", None)
+    own = _file_of(function)
     if own is None:
         return None
     try:
@@ -111,7 +106,17 @@ def _key(function: Callable[..., Any], arguments: Sequence[Any]) -> str | None:
     except InvalidInput:
         return None
     name = f"{function.__module__}.{function.__qualname__}"
-    return "\n".join([name, *texts, _code(own)])
+    return "\n".join([name, *texts, digest_of(own, function.__module__)])
+
+
+def _file_of(function: Callable[..., Any]) -> Path | None:
+    """The file that holds this function under its name; None if there is none."""
+    module = sys.modules.get(getattr(function, "__module__", None) or "")
+    named: Any = module
+    for part in getattr(function, "__qualname__", "").split("."):
+        named = getattr(named, part, None)
+    file = getattr(module, "__file__", None)
+    return Path(file) if named is function and file is not None else None
 
 
 def _text(argument: Any) -> str:
@@ -122,18 +127,3 @@ def _text(argument: Any) -> str:
     if argument is None or isinstance(argument, bool | int | float | str):
         return repr(argument)
     raise TypeError(f"an argument of a kept result is a number or a text, got {argument!r}")
-
-
-@cache
-def _code(own: str) -> str:
-    """A digest of the code that a function of this file computes with.
-
-    Other code may give other results; how they are drawn is no part of it.
-    """
-    root = Path(str(files("amoeboid")))
-    found = [p for p in root.rglob("*.py") if p.relative_to(root).parts[0] not in WITHOUT_RESULTS]
-    digest = sha256(version("amoeboid").encode())
-    for path in [*sorted(found), root / SHARED, Path(own)]:
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()

@@ -5,6 +5,7 @@ Points and arrows are arrays (n, 2) on the page, in the units of the axes.
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from amoeboid.figures.tables import Table, drawn_unit
 from amoeboid.plotting.palette import INK
 
 ARROW = 0.012  # width of the shaft of an arrow [inches]
+DIMENSION = re.compile(r"[LTMN^0-9/() ]*[LTMN][LTMN^0-9/() ]*")
 
 
 def to_scale(axes: Any, low: tuple[float, float], high: tuple[float, float]) -> None:
@@ -75,9 +77,11 @@ def amount(value: float, unit: str, digits: int = 3) -> str:
 
     >>> amount(10.0, "um"), amount(1.0, "R0"), amount(3.17, "1/beta"), amount(2.0, "L")
     ('10 µm', '$R_0$', '3.17/β', '2 [L]')
+    >>> amount(300.0, "M/(L T^2)"), amount(0.0, "eta_s beta/R0")
+    ('300 [M/(L T$^{2}$)]', '0 $η_s$ β/$R_0$')
     """
     shown, drawn = f"{value:.{digits}g}", drawn_unit(unit)
-    if unit in ("L", "T", "L/T", "N/L^2"):  # a dimension: the units are those of the user
+    if DIMENSION.fullmatch(unit):  # the units are those of the user
         return f"{shown} [{drawn}]"
     if unit.startswith("1/"):
         return f"{shown}{drawn[1:]}"

@@ -57,7 +57,10 @@ def column_of(p: Parameters, values: ArrayLike, dimension: str | None = None) ->
     return Column(np.asarray(magnitude(p, np.asarray(values), dimension)), unit_of(p, dimension))
 
 
-@dataclass(frozen=True, eq=False)
+MAX_REPR = 900
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Table:
     """Columns of equal length, and what they are in a sentence."""
 
@@ -93,6 +96,10 @@ class Table:
         rows = zip(*(c.values.tolist() for c in self.columns.values()), strict=True)
         writer.writerows([[_written(value) for value in row] for row in rows])
         return text.getvalue()
+
+    def __repr__(self) -> str:
+        names = ", ".join(titled(name, c.unit) for name, c in self.columns.items())
+        return f"Table: {self.about} ({len(self)} rows)\n{names}"[:MAX_REPR]
 
 
 def _written(value: Any) -> str:

@@ -5,15 +5,21 @@ name is a hash of all that the machine code depends on (`kernel_identity`, signa
 numba, llvmlite and Python, platform), so that nothing in it can be out of date. Files are renamed
 into place, never changed. The file PROCESSOR of a folder names the instructions that its kernels
 use: a processor that lacks one of them does not load any.
+
+What lies there is executed. A folder of kernels is therefore used only if it belongs to this user,
+or to root, and nobody else can write to it. The hash tells damage, it does not protect.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import pickle
 import platform
+import stat
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -52,6 +58,8 @@ def folder() -> Path:
         base = Path.home() / "Library" / "Caches"
     else:
         base = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
+        if str(base).startswith("~"):  # a user without a home, as in containers
+            base = Path(tempfile.gettempdir()) / f"cache-{os.geteuid()}"
     # of a home that several machines share
     return base / "amoeboid" / f"kernels-{_short(processor())}"
 
@@ -107,6 +115,8 @@ def load(where: Path, name: str, target: Any) -> Any:
     Raises whatever a damaged file leads to.
     """
     try:
+        if where != BUILT:  # which is trusted as the package beside it is
+            refuse_foreign(where)
         data = (where / name).read_bytes()
     except (FileNotFoundError, NotADirectoryError):
         return None
@@ -116,11 +126,30 @@ def load(where: Path, name: str, target: Any) -> Any:
     return CompileResult._rebuild(target, *pickle.loads(data[_HASH:]))  # noqa: S301  (our own)
 
 
+def refuse_foreign(where: Path) -> None:
+    """Raise PermissionError if anyone but this user, or root, could have put a file there."""
+    if not hasattr(os, "geteuid"):  # Windows: the folder lies within the profile of the user
+        return
+    found = where.stat()
+    if found.st_uid not in (0, os.geteuid()):
+        raise PermissionError(errno.EPERM, "it belongs to another user")
+    if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        raise PermissionError(errno.EPERM, "other users can write to it: chmod go-w")
+
+
+def made_folder() -> Path:
+    """The folder of the user, made if it is not there. Raises OSError."""
+    where = folder()
+    where.parent.mkdir(parents=True, exist_ok=True)
+    where.mkdir(mode=0o700, exist_ok=True)
+    refuse_foreign(where)
+    return where
+
+
 def save(name: str, kernel: Any) -> None:
     """Keep a kernel in the folder of the user. Raises OSError."""
     data = dumps(kernel._reduce())
-    where = folder()
-    where.mkdir(parents=True, exist_ok=True)
+    where = made_folder()
     if not (where / PROCESSOR).exists():
         _write(where / PROCESSOR, processor().encode())
     _write(where / name, hashlib.sha256(data).digest() + data)
@@ -175,8 +204,7 @@ class _Turn:
         """
         if self._file is None and fcntl is not None:
             with suppress(OSError):  # no folder, or one that knows no locks
-                folder().mkdir(parents=True, exist_ok=True)
-                self._file = (folder() / LOCK).open("ab")
+                self._file = (made_folder() / LOCK).open("ab")
         begin, pause = time.monotonic(), MIN_POLL
         while not self._locked() and time.monotonic() - begin < MAX_WAIT:
             self._show("waiting for another program that compiles the numerical kernels")

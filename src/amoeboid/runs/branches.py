@@ -16,7 +16,7 @@ from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES, polarization
-from amoeboid.runs.steady_cell import PATH, SteadyCell, found_from, shown_cell, started
+from amoeboid.runs.steady_cell import PATH, SteadyCell, found_from, refuse_mesh, shown_cell, started
 from amoeboid.studies import branch as axisymmetric
 from amoeboid.studies.branch import (
     BIFURCATION,
@@ -29,7 +29,14 @@ from amoeboid.studies.branch import (
     checked_options,
     checked_window,
 )
-from amoeboid.studies.columns import Column, column, physical_number, titled
+from amoeboid.studies.columns import (
+    Column,
+    column,
+    physical_number,
+    text,
+    titled,
+    with_units,
+)
 from amoeboid.studies.states import steady_states
 from amoeboid.surface.branches import FIRST, MIN_POLARITY, Followed, Options, branch_from
 from amoeboid.surface.model import Model
@@ -139,8 +146,9 @@ def branch(
     Without `mesh` and `through` that of the axisymmetric states, see `amoeboid.studies.branch`.
     With `mesh`, `Icosphere(3)`, that of 3D cells through the fastest axisymmetric state at `end`,
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
-    `steady_state` that has a mesh; or a bifurcation of such a branch, the branch that leaves there:
-    circles and helices. It is followed through folds until it leaves the window, meets the sphere,
+    `steady_state` that has a mesh; or a bifurcation of such a branch within the window, the branch
+    that leaves there: circles and helices. Another parameter may be followed from there, with those
+    of its state for p. It is followed through folds until it leaves the window, meets the sphere,
     or circles become straight. `stability`: find the growth rates of all cells, and where stability
     is gained or lost; False saves most of the time. With physical parameters, the ends are
     quantities such as "2 um/s". `max_step` is the longest step along the branch, `max_points` the
@@ -169,8 +177,9 @@ def branch(
     try:
         parts = traced.parts(mesh, through)
     except NotSteady as error:
+        why = "; ".join(with_units(p, [str(error)], name))
         raise InvalidInput(
-            f"the branch must begin at a steady cell, none is reached: {error}; give one by "
+            f"the branch must begin at a steady cell, none is reached: {why}; give one by "
             "through = amoeboid.steady_state(...)"
         ) from None
     begins = through if isinstance(through, CellBifurcation) else None
@@ -190,7 +199,8 @@ class _Traced:
     def parts(self, mesh: Any, through: Any) -> list[Followed]:
         """The branch from its first cell on: one part, or two if that lies within the window."""
         if isinstance(through, CellBifurcation):
-            return [self._leaving(through)]
+            refuse_mesh(mesh)
+            return [self._leaving(through, self._place(through))]
         model, guess, q = self._first(mesh, through)
         model_at = self._models(model)
         first = found_from(model_at(q), guess, q)
@@ -215,10 +225,11 @@ class _Traced:
             state = steady_states(at, (1,))[-1]
             if state.number("polarity") > MIN_POLARITY:
                 return (*started(at, mesh, state), q)
+        ends = [text(self.p, q, self.p.dimension(self.name)) for q in self.window]
         raise InvalidInput(
             f"a branch of 3D cells must begin at a polarized state at an end of its window, "
-            f"{self.name} = {self.window[0]:g} or {self.window[1]:g}, there is none; move an end, "
-            "or give a cell by through"
+            f"{self.name} = {' or '.join(ends)}, there is none; move an end, or give a cell by "
+            "through"
         )
 
     def _models(self, model: Model) -> Callable[[float], Model]:
@@ -233,10 +244,35 @@ class _Traced:
 
         return branch_from(model_at, first, second, self.window, self.options, seen)
 
-    def _leaving(self, point: CellBifurcation) -> Followed:
+    def _place(self, point: CellBifurcation) -> float:
+        """The value of the parameter at a bifurcation to begin with. Raises InvalidInput."""
+        at = point.state.parameters
+        q, here, unit = at.value(self.name), repr(point), self.p.dimension(self.name)
+        low, high = sorted(self.window)
+        if point.kind == HOPF:
+            raise InvalidInput(
+                f"through must be a bifurcation that steady cells leave from, at a {here} these "
+                "are cells that oscillate; look for them by simulate(), from its state"
+            )
+        if self.p.replace(**{self.name: q}) != at:
+            known = (name for name in at.names if name in self.p.names and name != self.name)
+            others = [name for name in known if at.value(name) != self.p.value(name)]
+            raise InvalidInput(
+                f"through must be a bifurcation of cells of the parameters p, the {here} is not: "
+                f"{', '.join(others) or 'the law or the stress'} differs; give its "
+                "state.parameters for p"
+            )
+        if not low <= q <= high:
+            raise InvalidInput(
+                f"the window must contain the bifurcation that the branch leaves from, "
+                f"{self.name} = {text(self.p, q, unit)}; move an end"
+            )
+        return q
+
+    def _leaving(self, point: CellBifurcation, q: float) -> Followed:
         """The branch that leaves another one at a bifurcation. Raises NotSteady."""
         cell = point.state
-        model_at, q = self._models(cell.model), point.number
+        model_at = self._models(cell.model)
         base = found_from(model_at(q), _moving(cell), q)
         iteration = around(base.model, base.cell)
         z, n = iteration.vector(base.cell), 2 * iteration.n
@@ -273,7 +309,7 @@ class _Traced:
         bifurcations: list[SpecialPoint] = []
         if begins is not None:
             points = points[1:]
-            bifurcations = [replace(begins, piece=0, length=0.0)]
+            bifurcations = [replace(begins, name=self.name, piece=0, length=0.0)]
         lengths = tuple(length for length, _ in points)
         cells = tuple(shown_cell(found) for _, found in points)
         special = [
@@ -294,7 +330,7 @@ class _Traced:
             bifurcations=tuple(bifurcations),
             origins=tuple(q for part in parts for q in part.origins),
             complete=all(part.complete for part in parts),
-            problems=tuple(problems),
+            problems=with_units(self.p, problems, self.name),
         )
 
     def _bifurcations(

@@ -149,10 +149,11 @@ class SteadyCell(Snapshot):
         if found.rate is None:
             return found.problem
         if abs(found.rate) <= found.error:
-            return (
-                f"the growth rate of the fastest perturbation, {found.rate:.3g} per unit time, "
-                f"is only known to {found.error:.2g}"
+            rate, error = (
+                text(self.parameters, number, "1/T", form)
+                for number, form in ((found.rate, ".3g"), (found.error, ".2g"))
             )
+            return f"the growth rate of the fastest perturbation, {rate}, is only known to {error}"
         return ""
 
     @property
@@ -164,6 +165,11 @@ class SteadyCell(Snapshot):
     def known_stability(self) -> str | None:
         """`stability` if it was asked for before, else None."""
         return self.stability if "_growth" in self.__dict__ else None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The cell, and its growth rate if that was asked for, which takes longest."""
+        known = {name: self.__dict__[name] for name in ("_growth",) if name in self.__dict__}
+        return {**super().__getstate__(), **known}
 
     def number(self, name: str) -> float:
         """An observable, or a number of `PATH`, as a plain number in the units of the solver."""
@@ -217,6 +223,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
     axisymmetric state, a stable one if there is one. An axisymmetric one is laid on `mesh`,
     `Icosphere(n)` (3 if left out), the others have their own. From a cell on a circle or a helix
     it finds such a cell, with its velocity and angular velocity. Unstable cells are found, too.
+    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. No
+    cue acts on the cell, also where one did in the run that it comes from.
 
     Raises InvalidInput where the iterations lead to no steady cell, or from a polarized cell to
     the homogeneous one: a nearer start is needed then.
@@ -265,7 +273,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
         start = next((s for s in reversed(known) if s.stable), known[-1])
     state, flow = getattr(start, "state", None), getattr(start, "flow", None)
     if isinstance(state, State) and flow is not None:  # a snapshot of any kind
-        _refuse_mesh(mesh)
+        refuse_mesh(mesh)
         old, faces = start.model, start.model.mesh.faces
         model = Model(p, old.mesh, old.edge_length, solvers=old.solvers)
         omega = np.zeros(3) if state.angular_velocity is None else state.angular_velocity
@@ -276,7 +284,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
         r = placed(state.r, faces, model.A0)
         return model, Moving(r, state.c, state.zeta0, v_c, omega)
     if isinstance(start, InitialCell):
-        _refuse_mesh(mesh)
+        refuse_mesh(mesh)
     elif callable(getattr(start, "as_initial", None)):
         start = start.as_initial(Icosphere() if mesh is None else mesh)
     else:
@@ -289,7 +297,8 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
     return model, Moving(r, start.c, start.zeta0, np.zeros_like(r), np.zeros(3))
 
 
-def _refuse_mesh(mesh: Any) -> None:
+def refuse_mesh(mesh: Any) -> None:
+    """Raise InvalidInput for a mesh beside a start that has one."""
     if mesh is not None:
         raise InvalidInput(
             f"mesh must be left out beside a start that has a mesh of its own, got {mesh!r}"

@@ -10,6 +10,10 @@ the force balance and of the transport factorized once, in a `base` state nearby
 c/(c0 + c) and the height h/R0 of the nodes along the normals of the base, relative to it. Its fixed
 points depend neither on dt nor on the base but for the place of the nodes within the surface: the
 equations hold on the shape itself.
+
+The filament number c0 A0 is a condition of its own, as in the axisymmetric solver: for beta > 0 it
+follows from the turnover, but slowly where that is slow; for beta = 0 any number would be steady.
+The concentration is scaled to it in each iteration.
 """
 
 from __future__ import annotations
@@ -102,7 +106,8 @@ class ImplicitMap:
         v = v + (zeta0 - cell.zeta0) * self._factorized.dv_dzeta0
         h = z[self.n : 2 * self.n] + dt / p.R0 * np.einsum("vi,vi->v", v, g.normals)
         gain = gained(model, cell.c, g, v - normal_part(v, g.normals))
-        c = (cell.c + self._transport.solve(dt * gain)) / self._scale
+        c = cell.c + self._transport.solve(dt * gain)
+        c = c * (model.parameters.c0 * model.A0 / (g.node_areas @ cell.c)) / self._scale
         x = np.concatenate([c, h])
         # the motion of the frame that keeps the cell in its place on the nodes
         kept = -self._inverse @ (self._excluded.T @ (x - self._start))

@@ -16,7 +16,8 @@ from amoeboid.closed_forms.points import Points, infinite_pressure, points
 from amoeboid.figures import drawing
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
-from amoeboid.figures.tables import FigureData, Table, column_of, drawn_unit, label
+from amoeboid.figures.sections import amount
+from amoeboid.figures.tables import FigureData, Table, column_of, label
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.palette import BLUE, GRAY, GREEN, INK, ORANGE, PURPLE, SKY, YELLOW
 from amoeboid.studies.columns import text
@@ -25,7 +26,7 @@ L_MAX = 6
 MODES = np.arange(1, L_MAX + 1)
 COLORS = (BLUE, ORANGE, GREEN, PURPLE, SKY, YELLOW)
 HIGH = 1.5  # window of v_p0, in thresholds
-SHARE = 0.5  # of delta_P*, where mode 2 leads
+SHARE = 0.5  # of delta_P*, where mode 2 goes unstable before mode 1, and higher ones may too
 OWN, LOW, INFINITE = "delta_P", "low delta_P", "infinite delta_P"
 
 
@@ -56,7 +57,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
             ),
             "onsets": _onsets(p, onsets),
             "pressures": Table(
-                "the pressures of the other tables, and the one below which mode 2 leads",
+                "the pressures of the other tables; below delta_P* mode 2 precedes mode 1",
                 {
                     "pressure": column_of(p, [OWN, LOW, "delta_P*"]),
                     "value": column_of(
@@ -120,7 +121,7 @@ def draw(data: FigureData, axes: Any) -> None:
         inside = speeds <= rates["v_p0"][-1]
         panel.plot(speeds[inside], 0 * speeds[inside], "o", color=INK, ms=2.5, zorder=4)
         panel.set_xlim(0.0, rates["v_p0"][-1])
-        panel.set_title(f"$ΔP$ = {pressure:.3g} {drawn_unit(unit)}", loc="left", pad=3)
+        panel.set_title(f"$ΔP$ = {amount(float(pressure), unit)}", loc="left", pad=3)
         panel.set_ylabel(label(r"growth rate $λ_l$", rates.unit("lambda_1 at delta_P")))
     below.plot([], [], "--", color=GRAY, lw=0.8, label=r"$ΔP → \infty$")
     below.set_xlabel(label(drawing.SYMBOLS["v_p0"], rates.unit("v_p0")))

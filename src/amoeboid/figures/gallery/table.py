@@ -66,7 +66,7 @@ DERIVED = (
     ),
     Row("pressure", "$ΔP R_0/(η_s β)$", lambda p: dimensionless(p).delta_P, NUMBER),
     Row(
-        "pressure below which mode 2 leads",
+        "pressure below which mode 2 precedes 1",
         "$ΔP^* R_0/(η_s β)$",
         lambda p: dimensionless(p.replace(delta_P=float(critical_pressure(p)))).delta_P,
         NUMBER,
