@@ -48,7 +48,8 @@ def test_mesh_error_of_the_threshold_bounds_how_far_the_mesh_shifts_it():
     p = Parameters(D=0.4)
     q = p.replace(v_p0=0.98 * float(critical_speed(p)))
     fine, coarse = (computed.steady_run(q, n, 0.0) for n in (COARSE, COARSE - 1))
-    _, error = computed.mesh_errors(q, fine, coarse)
+    flow, error = computed.mesh_errors(q, fine, coarse)
+    assert flow == fine["max_retrograde_speed"] > 0  # the exact sphere has none
     slope = (float(growth_rate(q, 1)) + p.beta + 2 * p.D) / q.v_p0  # lambda_1 is linear in v_p0
     shift = (float(growth_rate(q, 1)) - fine["growth_rate"]) / slope
     assert 0 < shift < error < 2 * shift

@@ -197,7 +197,8 @@ def mesh_runs(
     The mesh error is Richardson's, of second order in the length of the edges, from the same cell
     on the next coarser mesh, times SAFETY. Of a polarized cell it is that of the retrograde speed
     (None where the coarser mesh does not have the state), of a cell at rest that of the threshold:
-    the one of its growth rate, over d lambda_1/d v_p0.
+    the one of its growth rate, over d lambda_1/d v_p0. All flow that a cell at rest has on a mesh
+    is an error, as a sphere has none.
     """
     speeds = np.asarray(values, dtype=float).tolist()
     rows = []
@@ -218,12 +219,13 @@ def mesh_errors(
         return None, None
     if fine["polarized"]:
         return _richardson(fine["max_retrograde_speed"], coarse["max_retrograde_speed"]), None
+    at_rest = fine["max_retrograde_speed"]
     if fine["growth_rate"] is None or coarse["growth_rate"] is None:
-        return 0.0, None
+        return at_rest, None
     step = 1e-3 * p.v_p0
     ahead, behind = (growth_rate(p.replace(v_p0=p.v_p0 + s), 1) for s in (step, -step))
     slope = abs(float(ahead - behind)) / (2 * step)
-    return 0.0, _richardson(fine["growth_rate"], coarse["growth_rate"]) / slope
+    return at_rest, _richardson(fine["growth_rate"], coarse["growth_rate"]) / slope
 
 
 def _richardson(fine: float, coarse: float) -> float:

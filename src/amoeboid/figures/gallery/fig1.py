@@ -18,6 +18,8 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.active_stress import active_stress
 from amoeboid.closed_forms.flow import sphere_velocities
+from amoeboid.closed_forms.linear import driving_slope
+from amoeboid.closed_forms.points import points
 from amoeboid.closed_forms.thick_cortex import (
     Cortex,
     sphere_stresses,
@@ -162,8 +164,22 @@ def compute(p: Parameters, results: Results) -> FigureData:
         "order",
         "D: the round cell; the paper's D shows an elongated one between plates, which the model "
         "does not have",
+        *_about_laboratory(p),
     ]
     return FigureData(p, tables, tuple(notes), tuple(problems))
+
+
+def _about_laboratory(p: Parameters) -> list[str]:
+    """What to say of D where alpha or a stress drives the flow, too."""
+    at = points(p)
+    polymerization, all_of_it = float(at.v_p_derivatives(p.c0, 1)[1]), float(driving_slope(at))
+    if np.isclose(polymerization, all_of_it, rtol=1e-9, atol=0.0):
+        return []
+    return [
+        "migration: of a membrane that moves with v_p, as in the paper; alpha or the stress drives "
+        f"{all_of_it / polymerization:.4g} times the flow of polymerization alone, so that the "
+        "flow of D is not normal in the laboratory",
+    ]
 
 
 def draw(data: FigureData, axes: Any) -> None:

@@ -52,7 +52,9 @@ def compute(p: Parameters, results: Results) -> FigureData:
         estimate = SHEAR_MODULUS * THICKNESS / measured("c0", PAPER_CELL["c0"], "N/L^2", "1 / um^2")
         misprint = measured("alpha", PRINTED, STIFFNESS, PRINTED)
         values = np.array([estimate, misprint]) / p.units.of(STIFFNESS)
-        tables["estimates"] = _formulas(p, values, "G h/c0, and what the paper prints for it")
+        tables["estimates"] = _formulas(
+            p, values, "G h/c0 with the paper's c0, and what the paper prints for it"
+        )
         notes += [
             f"alpha = {text(p, value, STIFFNESS, '.3g')}: {text(p, right, 'L/T', '.4g')} as "
             f"derived, {text(p, wrong, 'L/T', '.4g')} as printed"
