@@ -87,7 +87,9 @@ def test_run_that_is_not_steady_is_told_and_drawn_as_such():
     row |= {"polarized": True, "steady": False, "t": 5.0, "ended": "end of time"}
     assert "not steady at t = 5: end of time" in computed.not_steady(p, [3.9], [row])[0]
     axes = Figure().subplots()
-    draw_runs(axes, computed.runs_table(p, "v_p0", [3.9], [row]), "3D")
+    table = computed.runs_table(p, "v_p0", [3.9], [row], COARSE)
+    assert "on 162 nodes; mesh errors from runs on 42 nodes" in table.about
+    draw_runs(axes, table, "3D")
     assert axes.get_legend_handles_labels()[1] == ["3D, not steady"]
 
 

@@ -114,7 +114,9 @@ def branch_table(p: Parameters, name: str, found: dict[str, Any]) -> Table:
     return Table("steady states by the axisymmetric solver", columns)
 
 
-def runs_table(p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any]) -> Table:
+def runs_table(
+    p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any], subdivisions: int
+) -> Table:
     """The ends of 3D runs at values of a parameter as a table; see `mesh_runs`."""
     columns = {name: column_of(p, values, p.dimension(name))}
     columns |= {
@@ -123,7 +125,9 @@ def runs_table(p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any])
     errors = [[_number(row[key]) for row in rows] for key in ERRORS]
     columns |= {key: column_of(p, found, "L/T") for key, found in zip(ERRORS, errors, strict=True)}
     columns |= {key: column_of(p, [row[key] for row in rows]) for key in ("polarized", "steady")}
-    return Table("the ends of 3D runs", columns)
+    fine, coarse = (Icosphere(n).n_nodes for n in (subdivisions, subdivisions - 1))
+    about = f"the ends of 3D runs on {fine} nodes; mesh errors from runs on {coarse} nodes"
+    return Table(about, columns)
 
 
 def _number(value: float | None) -> float:
@@ -288,7 +292,7 @@ def hysteresis(p: Parameters, results: Results, subdivisions: int) -> FigureData
     problems = list(branch["problems"])
     for key, share in (("weak", WEAK), ("strong", STRONG)):
         rows = mesh_runs(p, results, window.speeds, subdivisions, share * p.c0)
-        tables[f"runs-{key}"] = runs_table(p, "v_p0", window.speeds, rows)
+        tables[f"runs-{key}"] = runs_table(p, "v_p0", window.speeds, rows, subdivisions)
         at_fold = key == "strong" and window.fold is not None
         notes += jumps(p, window.speeds, rows, f"from the {key} start", at_fold)
         if at_fold:

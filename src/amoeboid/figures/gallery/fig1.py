@@ -130,7 +130,9 @@ def cell_table(p: Parameters, count: int) -> Table:
     columns["active_stress"] = column_of(p, tangential, "M/T^2")
     for name, v in (("v", flow), ("v_laboratory", laboratory)):
         columns |= {f"{name}_{k}": column_of(p, v[:, i], "L/T") for i, k in enumerate("zx")}
-    return Table("the cell of C and D in the plane of z, the axis, and x; rear at +z", columns)
+    return Table(
+        "the cell of C and D in the plane of z, the axis, and x; c is highest at +z", columns
+    )
 
 
 def compute(p: Parameters, results: Results) -> FigureData:
@@ -253,8 +255,9 @@ def _draw_cell(axes: Any, data: FigureData, R0: float, v_p: float) -> None:
     fastest = np.hypot(*flow.T).max()
     flow[np.hypot(*flow.T) < 1e-9 * fastest] = 0.0
     sections.draw_arrows(axes, 1.3 * at, (0.4 * R0 / fastest) * flow, YELLOW, width=0.016)
-    start = np.array([[0.3 * R0, 0.0]])
-    sections.draw_arrows(axes, start, np.array([[-0.6 * R0, 0.0]]), INK, width=0.02)
+    migration = float(cell["v_laboratory_z"][0] - cell["v_z"][0])
+    way = np.array([[np.copysign(0.6 * R0, migration), 0.0]])
+    sections.draw_arrows(axes, -0.5 * way, way, INK, width=0.02)
     sections.to_scale(axes, (-1.42 * R0, -1.4 * R0), (1.42 * R0, 1.4 * R0))
 
 

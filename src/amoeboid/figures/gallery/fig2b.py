@@ -67,7 +67,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
         parameters=p,
         tables={
             "fields": Table(
-                "perturbations in the plane of z, the axis, and x; rear at +z", columns
+                "perturbations in the plane of z, the axis, and x; c is highest at +z", columns
             ),
             "cell": Table(
                 "size, amplitude of c, migration, and displacement in the time shown", cell
@@ -83,7 +83,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
 
 
 def draw(data: FigureData, axes: Any) -> None:
-    """The cross-section with the axis from left, the front, to right."""
+    """The cross-section with the axis to the right, towards the pole of high c."""
     fields, cell = data["fields"], data["cell"]
     R0, time, shift = (float(cell[name][0]) for name in ("R0", "time", "shift_z"))
     at = sections.points(fields, "z", "x")
@@ -98,9 +98,8 @@ def draw(data: FigureData, axes: Any) -> None:
     axes.plot([], [], color=INK, ls="--", lw=0.8, label=_after(cell))
     for sign, place in (("+", 0.45), ("$-$", -0.45)):
         axes.text(place * R0, 0.0, sign, fontsize=14, ha="center", va="center")
-    sections.draw_arrows(
-        axes, np.array([[0.2 * R0, 0.36 * R0]]), np.array([[-0.4 * R0, 0.0]]), INK, width=0.02
-    )
+    way = np.array([[np.copysign(0.4 * R0, shift), 0.0]])
+    sections.draw_arrows(axes, np.array([[0.0, 0.36 * R0]]) - 0.5 * way, way, INK, width=0.02)
     axes.text(0.0, 0.43 * R0, r"$\delta v_\mathrm{mig}$", ha="center", va="bottom")
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.5, 0.04), ncols=4, handlelength=1.2, columnspacing=1.2

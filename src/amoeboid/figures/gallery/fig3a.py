@@ -32,7 +32,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
             "theory": computed.theory_table(p, computed.spread(low, threshold, high)),
             "branch": computed.branch_table(p, "v_p0", branch),
             "threshold": computed.threshold_table(p, threshold),
-            "runs": computed.runs_table(p, "v_p0", speeds, runs),
+            "runs": computed.runs_table(p, "v_p0", speeds, runs, SUBDIVISIONS),
         },
         notes=(
             f"threshold v_p^c = {text(p, threshold, 'L/T', '#.8g')}",
