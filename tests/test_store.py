@@ -277,6 +277,7 @@ def test_collection_is_well_formed(tmp_path):
     assert [(run.folder / s.get("file")).is_file() for s in sets] == [True] * len(run.frame_times)
 
 
+@pytest.mark.slow
 def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path):
     """The checkpoint holds the mesh: nodes and triangles are no longer those of the start."""
     config = Config(
