@@ -11,6 +11,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from shutil import rmtree
 from tempfile import mkdtemp
 from typing import Any
 
@@ -23,11 +24,14 @@ OMIT = "AMOEBOID_WITHOUT_KERNELS"  # of the environment: for a wheel that fits e
 class KernelHook(BuildHookInterface):
     """Adds amoeboid/built_kernels to a wheel."""
 
+    _made = ""
+
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the kernels, and have them included."""
         if version == "editable" or os.environ.get(OMIT):
             return
-        source, target = Path(self.root) / "src", Path(mkdtemp()) / "built_kernels"
+        self._made = mkdtemp()
+        source, target = Path(self.root) / "src", Path(self._made) / "built_kernels"
         paths = [str(source), *filter(None, [os.environ.get("PYTHONPATH")])]
         environment = {"PYTHONPATH": os.pathsep.join(paths), "OPENBLAS_NUM_THREADS": "1"}
         self.app.display_waiting("Compiling the numerical kernels")
@@ -45,3 +49,8 @@ class KernelHook(BuildHookInterface):
             return
         build_data["force_include"][str(target)] = "amoeboid/built_kernels"
         build_data["pure_python"], build_data["infer_tag"] = False, True
+
+    def finalize(self, version: str, build_data: dict[str, Any], artifact_path: str) -> None:
+        """Remove what was compiled: it is in the wheel."""
+        if self._made:
+            rmtree(self._made, ignore_errors=True)

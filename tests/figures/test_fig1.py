@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 from amoeboid import Parameters, figures
 from amoeboid.closed_forms.thick_cortex import sphere_surface_stresses
 from amoeboid.figures.gallery import fig1
+from amoeboid.figures.results import Results
 
 
 @pytest.fixture(scope="module")
@@ -96,3 +97,23 @@ def test_flow_is_tangential_in_the_cell_frame_and_normal_in_that_of_the_laborato
     assert np.abs(n[:, 0] * laboratory[:, 1] - n[:, 1] * laboratory[:, 0]).max() < 1e-14 * size
     assert cell["v_z"][fig1.CELL // 4] > 0  # towards the rear
     assert cell["v_laboratory_z"][fig1.CELL // 2] < 0  # the front protrudes
+
+
+def test_flow_in_the_laboratory_is_normal_unless_the_figure_says_that_it_is_not():
+    def tangential(p):
+        cell = fig1.compute(p, Results())["cell"]
+        at, v = (
+            np.column_stack([cell[f"{name}{k}"] for k in "zx"]) for name in ("", "v_laboratory_")
+        )
+        along = at[:, 0] * v[:, 1] - at[:, 1] * v[:, 0]
+        return np.abs(along).max() / np.abs(v).max()
+
+    def warned(p):
+        return any("not normal" in note for note in fig1.compute(p, Results()).notes)
+
+    plain, stiff = Parameters(), Parameters(alpha=0.05)
+    assert tangential(plain) < 1e-12
+    assert not warned(plain)
+    # the share of the stiffness in the flow: alpha R0/(2 (eta_s + eta_b)) against |v_p'(c0)|
+    assert tangential(stiff) == pytest.approx(0.05 / 4 / (3.8 * np.exp(-3)), rel=1e-9)
+    assert warned(stiff)

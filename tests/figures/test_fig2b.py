@@ -7,6 +7,7 @@ import pytest
 
 from amoeboid import InvalidInput, Parameters, figures
 from amoeboid.model.natural_units import in_units
+from amoeboid.model.polymerization import Custom
 from amoeboid.model.units import Units
 from amoeboid.observables import retrograde_flow
 from amoeboid.surface.cell import SurfaceCell
@@ -82,3 +83,18 @@ def test_fields_do_not_depend_on_the_units():
 def test_law_without_slope_has_no_perturbation():
     with pytest.raises(InvalidInput, match="must not be 0 at c0"):
         figures.fig2b.data(Parameters(v_p0=0.0))
+
+
+@pytest.mark.parametrize("name", ["fig1", "fig2b"])
+def test_the_arrow_of_migration_points_where_the_cell_goes(name):
+    """To the left, away from high c; to the right for a law that grows with c."""
+    from matplotlib.figure import Figure as Canvas
+    from matplotlib.quiver import Quiver
+
+    figure = figures.named(name)
+    for p, side in ((Parameters(), -1.0), (Parameters(law=Custom("v_p0*c")), 1.0)):
+        axes = Canvas().subplots(*figure.panels, squeeze=False)
+        drawn = figure(axes, p)
+        panel = drawn[2] if name == "fig1" else drawn
+        arrows = [q for q in panel.collections if isinstance(q, Quiver) and q.width == 0.02]
+        assert [np.sign(q.U[0]) for q in arrows] == [side]

@@ -48,7 +48,8 @@ def test_mesh_error_of_the_threshold_bounds_how_far_the_mesh_shifts_it():
     p = Parameters(D=0.4)
     q = p.replace(v_p0=0.98 * float(critical_speed(p)))
     fine, coarse = (computed.steady_run(q, n, 0.0) for n in (COARSE, COARSE - 1))
-    _, error = computed.mesh_errors(q, fine, coarse)
+    flow, error = computed.mesh_errors(q, fine, coarse)
+    assert flow == fine["max_retrograde_speed"] > 0  # the exact sphere has none
     slope = (float(growth_rate(q, 1)) + p.beta + 2 * p.D) / q.v_p0  # lambda_1 is linear in v_p0
     shift = (float(growth_rate(q, 1)) - fine["growth_rate"]) / slope
     assert 0 < shift < error < 2 * shift
@@ -86,7 +87,9 @@ def test_run_that_is_not_steady_is_told_and_drawn_as_such():
     row |= {"polarized": True, "steady": False, "t": 5.0, "ended": "end of time"}
     assert "not steady at t = 5: end of time" in computed.not_steady(p, [3.9], [row])[0]
     axes = Figure().subplots()
-    draw_runs(axes, computed.runs_table(p, "v_p0", [3.9], [row]), "3D")
+    table = computed.runs_table(p, "v_p0", [3.9], [row], COARSE)
+    assert "on 162 nodes; mesh errors from runs on 42 nodes" in table.about
+    draw_runs(axes, table, "3D")
     assert axes.get_legend_handles_labels()[1] == ["3D, not steady"]
 
 

@@ -55,6 +55,16 @@ def test_mesh_error_of_a_fold_is_the_one_of_the_speed_over_the_slope():
     assert error_of_fold([5.0], rows[:1]) is None
 
 
+def test_runs_at_rest_above_the_fold_are_told():
+    window = computed.Window(6.0, 5.0, 4.5, 6.5, (4.9, 5.01, 5.1, 5.2, 5.4))
+    rows = [{"polarized": False, "max_retrograde_speed": 0.0, ERRORS[0]: 0.0}] * 3
+    rows += [{"polarized": True, "max_retrograde_speed": s, ERRORS[0]: 0.1} for s in (1.0, 2.0)]
+    (note,) = computed.lost(Parameters(), window, rows)  # error of the fold: 0.1 0.2/1 = 0.02
+    assert "at v_p0 = 5.1000, runs from the strong start end at rest" in note
+    polarized = [rows[3] | {"max_retrograde_speed": s} for s in (1.0, 1.2, 1.4, 1.6)]
+    assert computed.lost(Parameters(), window, [rows[0], *polarized]) == []
+
+
 @pytest.mark.slow
 def test_runs_jump_at_the_fold_and_at_the_threshold_within_the_mesh_error(data):
     speeds = data["runs-weak"]["v_p0"]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from amoeboid import InvalidInput, Parameters, figures
+from amoeboid.cli.main import main
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.sources import used_files
@@ -216,6 +217,14 @@ def test_units_are_those_of_the_paper_only_where_they_hold():
     assert unit_of(Parameters(beta=0.5), "L/T") == "L/T"
     assert unit_of(Parameters.physical(), "L/T") == "um/s"
     assert label("v", "um^2/s") == "v [µm$^{2}$/s]"
+
+
+def test_list_of_figures_fits_a_terminal_of_80_columns(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "80")
+    assert main(["figure"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == len(figures.names()) + 2
+    assert max(map(len, lines)) <= 80
 
 
 def test_a_grid_of_axes_is_taken_as_subplots_gives_it():

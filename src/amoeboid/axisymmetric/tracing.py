@@ -199,8 +199,8 @@ class Tracer:
             )
         if walk.end == SYMMETRIC:
             problems.append(
-                f"it ends at {name} = {walk.last:.6g}, where it meets states that are symmetrical "
-                "front to back"
+                f"the branch ends at {name} = {walk.last:.6g}, where it meets states that are "
+                "symmetrical front to back"
             )
         bifurcations, missed = located_bifurcations(p, name, found, self.options, self.watch)
         problems += missed

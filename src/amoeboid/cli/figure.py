@@ -33,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "names",
         nargs="*",
         metavar="NAME",
-        help="which ones, or `all`; without a name they are listed",
+        help="figures to make, or `all`; without a name, the figures are listed",
     )
     parser.add_argument(
         "-o",
@@ -41,25 +41,25 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path("figures"),
         metavar="DIR",
-        help="folder for pictures and tables (figures)",
+        help="folder for pictures and tables (default: figures)",
     )
     parser.add_argument(
         "--format",
         dest="formats",
         action="append",
         metavar="FORMAT",
-        help="of the pictures: png (default), pdf, svg; repeatable",
+        help="format of the pictures: png (default), pdf, svg; repeatable",
     )
     parser.add_argument(
-        "--again", action="store_true", help="compute what is known from an earlier call once more"
+        "--again", action="store_true", help="compute again what an earlier call has computed"
     )
     add_parameters(parser)
     parser.epilog = (
-        "Each figure is a picture and the numbers that it shows, as CSV with units.\n"
-        "What was computed before with the same parameters and the same version is read from\n"
-        "DIR/.computed, so that a command that was stopped goes on.\n"
-        "--set changes the parameters of the figures; without it they are those of the paper.\n"
-        "Exit code 1 if a figure could not be made; the others are."
+        "Each figure is a picture, and CSV files with the numbers that it shows and their units.\n"
+        "Results for the same parameters and the same version are read from DIR/.computed: a\n"
+        "command that was stopped continues when it is called again.\n"
+        "--set changes the parameters of the figures; the default is those of the paper.\n"
+        "Exit code 1: a figure could not be made; the other figures are made."
     )
 
 
@@ -182,7 +182,7 @@ def _parameters(figure: Figure, args: argparse.Namespace, every: bool) -> Parame
         if name in figure.varies:
             if not every:
                 raise InvalidInput(
-                    f"--set must leave {name} alone for {figure.name}, which varies it itself, "
+                    f"--set must not set {name} for {figure.name}, which varies it itself, "
                     f"got {setting!r}; leave it out"
                 )
             tell("figure", f"{figure.name} varies {name} itself: made without {setting!r}")

@@ -42,8 +42,9 @@ class SphereVelocities:
     """Velocities at angles theta, components (e_r, e_theta) on the last axis [L/T].
 
     v_p, v_c, v: perturbations of polymerization, cortex and full velocity in the co-moving frame;
-    v = v_p + v_c is tangential. migration: speed of the cell along +z (negative: towards the
-    front, the pole theta = pi).
+    v = v_p + v_c is tangential. migration: speed along +z (negative: towards the front, the pole
+    theta = pi) of a cell whose membrane moves with v_p relative to its surroundings, as the paper
+    supposes. With alpha or a stress v_c is not uniform, and v + migration e_z not normal.
     """
 
     v_p: Array

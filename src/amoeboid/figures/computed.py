@@ -114,7 +114,9 @@ def branch_table(p: Parameters, name: str, found: dict[str, Any]) -> Table:
     return Table("steady states by the axisymmetric solver", columns)
 
 
-def runs_table(p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any]) -> Table:
+def runs_table(
+    p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any], subdivisions: int
+) -> Table:
     """The ends of 3D runs at values of a parameter as a table; see `mesh_runs`."""
     columns = {name: column_of(p, values, p.dimension(name))}
     columns |= {
@@ -123,7 +125,9 @@ def runs_table(p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any])
     errors = [[_number(row[key]) for row in rows] for key in ERRORS]
     columns |= {key: column_of(p, found, "L/T") for key, found in zip(ERRORS, errors, strict=True)}
     columns |= {key: column_of(p, [row[key] for row in rows]) for key in ("polarized", "steady")}
-    return Table("the ends of 3D runs", columns)
+    fine, coarse = (Icosphere(n).n_nodes for n in (subdivisions, subdivisions - 1))
+    about = f"the ends of 3D runs on {fine} nodes; mesh errors from runs on {coarse} nodes"
+    return Table(about, columns)
 
 
 def _number(value: float | None) -> float:
@@ -197,7 +201,8 @@ def mesh_runs(
     The mesh error is Richardson's, of second order in the length of the edges, from the same cell
     on the next coarser mesh, times SAFETY. Of a polarized cell it is that of the retrograde speed
     (None where the coarser mesh does not have the state), of a cell at rest that of the threshold:
-    the one of its growth rate, over d lambda_1/d v_p0.
+    the one of its growth rate, over d lambda_1/d v_p0. All flow that a cell at rest has on a mesh
+    is an error, as a sphere has none.
     """
     speeds = np.asarray(values, dtype=float).tolist()
     rows = []
@@ -218,12 +223,13 @@ def mesh_errors(
         return None, None
     if fine["polarized"]:
         return _richardson(fine["max_retrograde_speed"], coarse["max_retrograde_speed"]), None
+    at_rest = fine["max_retrograde_speed"]
     if fine["growth_rate"] is None or coarse["growth_rate"] is None:
-        return 0.0, None
+        return at_rest, None
     step = 1e-3 * p.v_p0
     ahead, behind = (growth_rate(p.replace(v_p0=p.v_p0 + s), 1) for s in (step, -step))
     slope = abs(float(ahead - behind)) / (2 * step)
-    return 0.0, _richardson(fine["growth_rate"], coarse["growth_rate"]) / slope
+    return at_rest, _richardson(fine["growth_rate"], coarse["growth_rate"]) / slope
 
 
 def _richardson(fine: float, coarse: float) -> float:
@@ -286,9 +292,11 @@ def hysteresis(p: Parameters, results: Results, subdivisions: int) -> FigureData
     problems = list(branch["problems"])
     for key, share in (("weak", WEAK), ("strong", STRONG)):
         rows = mesh_runs(p, results, window.speeds, subdivisions, share * p.c0)
-        tables[f"runs-{key}"] = runs_table(p, "v_p0", window.speeds, rows)
+        tables[f"runs-{key}"] = runs_table(p, "v_p0", window.speeds, rows, subdivisions)
         at_fold = key == "strong" and window.fold is not None
         notes += jumps(p, window.speeds, rows, f"from the {key} start", at_fold)
+        if at_fold:
+            notes += lost(p, window, rows)
         problems += not_steady(p, window.speeds, rows)
     return FigureData(p, tables, tuple(notes), tuple(problems))
 
@@ -323,6 +331,22 @@ def jumps(
         ends = [text(p, v, "L/T", "#.5g") for v in speeds[k : k + 2]]
         found.append(f"3D runs {words}: jump between v_p0 = {' and '.join(ends)}{stated}")
     return found
+
+
+def lost(p: Parameters, window: Window, rows: Sequence[Any]) -> list[str]:
+    """What to say of runs from the strong start at rest above the fold and its mesh error."""
+    polarized = [k for k, row in enumerate(rows) if row["polarized"]]
+    if window.fold is None or not polarized:
+        return []
+    first = polarized[0]
+    error = error_of_fold(window.speeds[first:], rows[first:]) or 0.0
+    at = [text(p, v, "L/T", "#.5g") for v in window.speeds[:first] if v > window.fold + error]
+    if not at:
+        return []
+    return [
+        f"above the fold, at v_p0 = {', '.join(at)}, runs from the strong start end at rest: the "
+        "start is outside the basin of attraction of the polarized state"
+    ]
 
 
 def error_of_fold(speeds: Sequence[float], rows: Sequence[Any]) -> float | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -135,7 +136,8 @@ class FigureData(Mapping[str, Table]):
 
     def __repr__(self) -> str:
         sizes = ", ".join(f"{name} ({len(table)} rows)" for name, table in self.tables.items())
-        return "\n".join([f"FigureData: {sizes}"[:300], *(n[:100] for n in self.notes[:5])])
+        notes = [textwrap.shorten(n, 130, placeholder=" …") for n in self.notes[:5]]
+        return "\n".join([f"FigureData: {sizes}"[:300], *notes])
 
 
 SYMBOLS = {
@@ -165,4 +167,4 @@ def drawn_unit(unit: str) -> str:
     """
     names = "|".join(map(re.escape, SYMBOLS))
     drawn = re.sub(rf"\b({names})\b", lambda found: SYMBOLS[found.group()], unit)
-    return re.sub(r"\^([0-9]+)", r"$^{\1}$", drawn)
+    return re.sub(r"\^(-?[0-9]+)", r"$^{\1}$", drawn)

@@ -25,7 +25,7 @@ from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
 from amoeboid.simulation.events import time
 from amoeboid.simulation.timeseries import POSITION
-from amoeboid.studies.columns import text
+from amoeboid.studies.columns import Column, text
 
 SUBDIVISIONS = 3  # 642 nodes
 END = 80.0  # [1/rate]: the cell polarizes, goes straight, bends, and makes more than one circle
@@ -39,8 +39,8 @@ ROUND = 0.05  # how well the radius and speed/turning of a circle agree; a helix
 CIRCLES = Parameters(D=0.4, delta_P=20.0, v_p0=8.0)
 TURNING, SPEED, RADIUS = 0.16500, 2.21935, 13.450
 """Of the relative equilibrium of CIRCLES, in units of R0 and 1/beta."""
-MESH_ERRORS = "+4.7 to +8.2 % in the turning by the place of the mesh, about a third on 2562 nodes"
-"""Of runs of CIRCLES on 642 nodes from noise, seeds 1 to 4; docs/large-deformation.md."""
+MESH_ERRORS = "the turning is too fast by 4.7 to 8.2 % on 642 nodes, by a third of this on 2562"
+"""Of runs of CIRCLES from noise, seeds 1 to 4; docs/large-deformation.md."""
 
 
 def circling_run(p: Parameters, subdivisions: int, end: float, outlines: int) -> dict[str, Any]:
@@ -160,7 +160,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
     columns = {"t": column_of(p, t, "T")}
     columns |= {k: column_of(p, path[:, i], "L") for i, k in enumerate("xyz")}
     columns["speed"] = column_of(p, speed, "L/T")
-    columns["turned"] = column_of(p, turned)
+    columns["turned"] = Column(turned, "rad")
     columns["last_turn"] = column_of(p, last)
     pieces = np.array(found["sections"]).T
     outline = {"t": column_of(p, pieces[0], "T")}
@@ -228,8 +228,8 @@ def _notes(p: Parameters, circle: dict[str, float], turned: Array) -> tuple[str,
     if np.isnan(circle["reference_turning"]):
         return (
             fitted,
-            "no solution without a mesh is known for these parameters; the error of the mesh at "
-            f"{CIRCLES.description}: {MESH_ERRORS}",
+            "no solution without a mesh is known for these parameters; at "
+            f"{CIRCLES.description} {MESH_ERRORS}",
         )
     errors = ", ".join(
         f"{name} {100 * (circle[name] / circle[f'reference_{name}'] - 1):+.2g} %"
@@ -238,7 +238,7 @@ def _notes(p: Parameters, circle: dict[str, float], turned: Array) -> tuple[str,
     return (
         fitted,
         f"without a mesh: {told('reference_')}",
-        f"error of this run: {errors}; of others like it: {MESH_ERRORS}",
+        f"error of this run: {errors}; from other starts {MESH_ERRORS}",
     )
 
 

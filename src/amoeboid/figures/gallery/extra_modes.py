@@ -133,7 +133,7 @@ def draw(data: FigureData, axes: Any) -> None:
 FIGURE = Figure(
     name="extra_modes",
     title="growth rates of the modes l of the sphere",
-    source="not in the paper; SI lambdal at any pressure",
+    source="not in the paper",
     parameters=Parameters(),
     compute=compute,
     draw=draw,

@@ -16,7 +16,7 @@ from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of
 from amoeboid.model.parameters import Parameters
-from amoeboid.plotting.palette import BLUE, GREEN, INK, ORANGE
+from amoeboid.plotting.palette import BLUE, GRAY, GREEN, INK, ORANGE
 from amoeboid.studies.branch import branch
 from amoeboid.studies.columns import quantity, text
 from amoeboid.validation import InvalidInput
@@ -24,6 +24,7 @@ from amoeboid.validation import InvalidInput
 LOW, HIGH = 1.0, 300.0  # window of delta_P R0/(eta_s beta)
 PHYSICAL = ("300 Pa", "700 Pa")  # the paper's range, of the cell of its parameter table
 MARGIN = 1.12  # of the window in the picture
+BROKEN = 4.0  # of the window: nu diverges where modes 1 and 2 share a threshold
 FOLDS = 9  # pressures at which a fold is sought
 AT, NU = "delta_P R0/(eta_s beta)", "nu c_r^2/beta"
 
@@ -53,7 +54,11 @@ def compute(p: Parameters, results: Results) -> FigureData:
             f"threshold v_p^c = {text(p, threshold, 'L/T', '#.8g')} at every pressure",
             f"physical cells: {AT} = {physical[0]:.3g} to {physical[1]:.3g}",
         ),
-        tuple(problem for entry in onsets for problem in entry["problems"]),
+        tuple(
+            f"branch at {AT} = {value / unit:.4g}: {problem}"
+            for value, entry in zip(pressures, onsets, strict=True)
+            for problem in entry["problems"]
+        ),
     )
 
 
@@ -124,21 +129,19 @@ def draw(data: FigureData, panels: Any) -> None:
     _draw_shape(above, data["shape"])
     middle.axhline(1.0, color=INK, lw=0.8, label="threshold")
     middle.plot(onset_[AT], onset_["fold_in_thresholds"], "s-", color=ORANGE, ms=3, label="fold")
-    middle.set_ylabel("$v_p^0/v_p^c$")
-    middle.set_ylim(top=1.08)
-    middle.legend(loc="lower right")
-    below.axhline(0.0, color=INK, lw=0.8, ls="--")
-    below.plot(theory[AT], theory[NU], color=BLUE, label="theory")
+    middle.set_ylabel("speed $v_p^0/v_p^c$")
+    lowest = float(np.nanmin([*onset_["fold_in_thresholds"], 0.93]))
+    middle.set_ylim(1.0 - 1.15 * (1.0 - lowest), 1.08)
+    middle.legend(loc="best")
+    below.axhline(0.0, color=INK, lw=0.8, ls="--", label=r"$\nu = 0$, subcritical above")
+    highest = _largest(onset_[NU]) or _largest(theory[NU]) or 1.0
+    shown = np.where(np.abs(theory[NU]) < BROKEN * highest, theory[NU], np.nan)
+    below.plot(theory[AT], shown, color=BLUE, label="theory")
     below.plot(onset_[AT], onset_[NU], "o", mfc="none", color=INK, label="axisymmetric")
-    below.set_ylabel(r"$\nu\, c_r^2/β$")
+    below.set_ylabel(r"coefficient $\nu\, c_r^2/β$")
     below.set_xlabel(r"pressure $\Delta P\, R_0/(η_s β)$")
-    highest = float(np.nanmax(np.abs(theory[NU])))
-    below.set_ylim(-0.25 * highest if np.nanmin(theory[NU]) > 0 else None, 1.1 * highest)
-    for side, words in ((3, "subcritical"), (-9, "supercritical")):
-        below.annotate(
-            words, (1.0, 0.0), (3, side), textcoords="offset points", fontsize=6.5, color=INK
-        )
-    below.legend(loc="upper right")
+    below.set_ylim(-(0.25 if np.nanmin(theory[NU]) > 0 else 1.1) * highest, 1.1 * highest)
+    below.legend(loc="best")
     for axes in panels:
         mark_range(axes, data["physical"][AT])
         axes.set_xscale("log")
@@ -152,6 +155,11 @@ def draw(data: FigureData, panels: Any) -> None:
     )  # fmt: skip
 
 
+def _largest(values: Any) -> float:
+    """The largest absolute value of a column, without those that are not known; 0 without any."""
+    return float(np.nanmax(np.abs(values), initial=0.0))
+
+
 def _draw_shape(axes: Any, table: Table) -> None:
     """Largest deviation from the sphere and length over width, in percent."""
     for key, values, color in (
@@ -159,16 +167,18 @@ def _draw_shape(axes: Any, table: Table) -> None:
         ("length/width − 1", table["aspect"] - 1.0, GREEN),
     ):
         for rows, stable in computed.pieces(table):
-            words = key if stable else f"{key}, unstable"
-            style = "-" if stable else "--"
-            axes.plot(table[AT][rows], 100 * values[rows], style, color=color, label=words)
+            axes.plot(table[AT][rows], 100 * values[rows], "-" if stable else "--", color=color)
+        axes.plot([], [], color=color, label=key)
+    axes.plot([], [], "--", color=GRAY, label="unstable")
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.3 * (high - low))  # room for the legend
     axes.set_ylabel("shape [%]")
     axes.legend(loc="upper right")
 
 
 FIGURE = Figure(
     name="extra_pressure",
-    title="shape, fold and type of the bifurcation against the pressure",
+    title="bifurcation and shape against the pressure",
     source="not in the paper",
     parameters=Parameters(D=0.4, v_p0=6.0),
     compute=compute,

@@ -18,6 +18,8 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.active_stress import active_stress
 from amoeboid.closed_forms.flow import sphere_velocities
+from amoeboid.closed_forms.linear import driving_slope
+from amoeboid.closed_forms.points import points
 from amoeboid.closed_forms.thick_cortex import (
     Cortex,
     sphere_stresses,
@@ -34,7 +36,7 @@ from amoeboid.figures.style import COLUMN
 from amoeboid.figures.tables import FigureData, Table, column_of, label
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.palette import BLUE, COLOR_MAP, GRAY, GREEN, INK, ORANGE, SKY, YELLOW
-from amoeboid.studies.columns import text
+from amoeboid.studies.columns import Column, text
 
 FLAT = 1e4  # radius of the flat cortex [R0]
 THICK = 0.3  # of the cortex that is drawn [R0]; that of a cell is about 0.02 R0
@@ -121,14 +123,16 @@ def cell_table(p: Parameters, count: int) -> Table:
     tangential = np.einsum("pi,pij,pj->p", along, stress, along)
     flow = found.v[:, 1:] * e_theta + found.v[:, :1] * e_r
     laboratory = flow + np.array([float(found.migration), 0.0])
-    columns = {"theta": column_of(p, theta)}
+    columns = {"theta": Column(theta, "rad")}
     columns |= {k: column_of(p, p.R0 * e_r[:, i], "L") for i, k in enumerate("zx")}
     columns["c"] = column_of(p, p.c0 + a * np.cos(theta), "N/L^2")
     columns["v_p"] = column_of(p, v_p, "L/T")
     columns["active_stress"] = column_of(p, tangential, "M/T^2")
     for name, v in (("v", flow), ("v_laboratory", laboratory)):
         columns |= {f"{name}_{k}": column_of(p, v[:, i], "L/T") for i, k in enumerate("zx")}
-    return Table("the cell of C and D in the plane of z, the axis, and x; rear at +z", columns)
+    return Table(
+        "the cell of C and D in the plane of z, the axis, and x; c is highest at +z", columns
+    )
 
 
 def compute(p: Parameters, results: Results) -> FigureData:
@@ -151,17 +155,33 @@ def compute(p: Parameters, results: Results) -> FigureData:
     else:
         hoop, none = (float(sphere_surface_stresses(found).hoop) for found in (curved, flat))
         notes += [
-            f"tangential stress of the cortex of radius R0: {text(p, hoop, 'M/T^2')}, the thin "
-            f"shell's is off by {100 * float(thin_sphere_error(curved)):.3g} % at the thickness "
-            f"{THICK:g} R0 of the drawing; of the flat one: {text(p, none, 'M/T^2')}",
+            f"B: tangential stress of the cortex, {text(p, hoop, 'M/T^2')}; the drawn thickness is "
+            f"{THICK:g} R0, where the thin shell has a stress that differs by "
+            f"{100 * float(thin_sphere_error(curved)):.3g} %",
+            f"A: tangential stress of the flat cortex, {text(p, none, 'M/T^2')} (its radius is "
+            f"{FLAT:g} R0)",
         ]
     notes += [
         f"C and D: c = c0 + dc_1 cos(theta), dc_1 = {text(p, amplitude(p), 'N/L^2')}, to first "
         "order",
-        "the paper's D has an elongated cell between plates; the model has no plates, so that D "
-        "shows the round cell",
+        "D: the round cell; the paper's D shows an elongated one between plates, which the model "
+        "does not have",
+        *_about_laboratory(p),
     ]
     return FigureData(p, tables, tuple(notes), tuple(problems))
+
+
+def _about_laboratory(p: Parameters) -> list[str]:
+    """What to say of D where alpha or a stress drives the flow, too."""
+    at = points(p)
+    polymerization, all_of_it = float(at.v_p_derivatives(p.c0, 1)[1]), float(driving_slope(at))
+    if np.isclose(polymerization, all_of_it, rtol=1e-9, atol=0.0):
+        return []
+    return [
+        "migration: of a membrane that moves with v_p, as in the paper; alpha or the stress drives "
+        f"{all_of_it / polymerization:.4g} times the flow of polymerization alone, so that the "
+        "flow of D is not normal in the laboratory",
+    ]
 
 
 def draw(data: FigureData, axes: Any) -> None:
@@ -235,8 +255,9 @@ def _draw_cell(axes: Any, data: FigureData, R0: float, v_p: float) -> None:
     fastest = np.hypot(*flow.T).max()
     flow[np.hypot(*flow.T) < 1e-9 * fastest] = 0.0
     sections.draw_arrows(axes, 1.3 * at, (0.4 * R0 / fastest) * flow, YELLOW, width=0.016)
-    start = np.array([[0.3 * R0, 0.0]])
-    sections.draw_arrows(axes, start, np.array([[-0.6 * R0, 0.0]]), INK, width=0.02)
+    migration = float(cell["v_laboratory_z"][0] - cell["v_z"][0])
+    way = np.array([[np.copysign(0.6 * R0, migration), 0.0]])
+    sections.draw_arrows(axes, -0.5 * way, way, INK, width=0.02)
     sections.to_scale(axes, (-1.42 * R0, -1.4 * R0), (1.42 * R0, 1.4 * R0))
 
 
@@ -245,7 +266,7 @@ def _draw_frames(axes: Any, data: FigureData, R0: float) -> None:
     cell = data["cell"]
     at = sections.points(cell, "z", "x")
     fastest = np.hypot(*sections.points(cell, "v_z", "v_x").T).max()
-    for name, height, word in (("v", 1.1, "cell"), ("v_laboratory", -1.1, "lab")):
+    for name, height, word in (("v", 1.25, "cell"), ("v_laboratory", -1.25, "lab")):
         center = np.array([0.0, height * R0])
         velocity = sections.points(cell, f"{name}_z", f"{name}_x")
         velocity[np.hypot(*velocity.T) < 1e-9 * fastest] = 0.0
@@ -267,12 +288,12 @@ def _draw_frames(axes: Any, data: FigureData, R0: float) -> None:
         labelspacing=0.15,
         borderpad=0.0,
     )
-    sections.to_scale(axes, (-1.6 * R0, -3.75 * R0), (1.6 * R0, 2.2 * R0))
+    sections.to_scale(axes, (-1.6 * R0, -4.3 * R0), (1.6 * R0, 2.35 * R0))
 
 
 FIGURE = Figure(
     name="fig1",
-    title="the mechanism: treadmilling, stress and flow",
+    title="mechanism: treadmilling, stress and flow",
     source="figure 1",
     parameters=Parameters(),
     compute=compute,

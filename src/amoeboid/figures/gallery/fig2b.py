@@ -15,7 +15,7 @@ from amoeboid.figures.style import COLUMN
 from amoeboid.figures.tables import FigureData, Table, column_of
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.palette import INK, ORANGE, PURPLE, YELLOW
-from amoeboid.studies.columns import text
+from amoeboid.studies.columns import Column, text
 from amoeboid.validation import InvalidInput
 
 POINTS = 16  # around the cross-section
@@ -49,7 +49,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
     time = SHIFT * p.R0 / abs(migration)
     e_r = np.column_stack([np.cos(theta), np.sin(theta)])
     e_theta = np.column_stack([-np.sin(theta), np.cos(theta)])
-    columns = {"theta": column_of(p, theta)}
+    columns = {"theta": Column(theta, "rad")}
     columns |= {k: column_of(p, p.R0 * e_r[:, i], "L") for i, k in enumerate("zx")}
     columns["dc"] = column_of(p, a * np.cos(theta), "N/L^2")
     for name in FIELDS:
@@ -67,21 +67,23 @@ def compute(p: Parameters, results: Results) -> FigureData:
         parameters=p,
         tables={
             "fields": Table(
-                "perturbations in the plane of z, the axis, and x; rear at +z", columns
+                "perturbations in the plane of z, the axis, and x; c is highest at +z", columns
             ),
-            "cell": Table("size, amplitude of c, migration, and way in the time shown", cell),
+            "cell": Table(
+                "size, amplitude of c, migration, and displacement in the time shown", cell
+            ),
         },
         notes=(
             f"migration velocity {text(p, migration, 'L/T')} along z for dc_1 = "
-            f"{text(p, a, 'N/L^2')}; both are small quantities in the same ratio",
-            f"arrows: way in the time {text(p, time, 'T')}; dashed: the cell after it, shifted by "
-            f"{SHIFT:g} R0 in the laboratory frame",
+            f"{text(p, a, 'N/L^2')}; the theory is linear, only the ratio of the two matters",
+            f"arrows: displacement in the time {text(p, time, 'T')}; dashed: the cell after this "
+            f"time in the laboratory frame, shifted by {SHIFT:g} R0",
         ),
     )
 
 
 def draw(data: FigureData, axes: Any) -> None:
-    """The cross-section with the axis from left, the front, to right."""
+    """The cross-section with the axis to the right, towards the pole of high c."""
     fields, cell = data["fields"], data["cell"]
     R0, time, shift = (float(cell[name][0]) for name in ("R0", "time", "shift_z"))
     at = sections.points(fields, "z", "x")
@@ -96,9 +98,8 @@ def draw(data: FigureData, axes: Any) -> None:
     axes.plot([], [], color=INK, ls="--", lw=0.8, label=_after(cell))
     for sign, place in (("+", 0.45), ("$-$", -0.45)):
         axes.text(place * R0, 0.0, sign, fontsize=14, ha="center", va="center")
-    sections.draw_arrows(
-        axes, np.array([[0.2 * R0, 0.36 * R0]]), np.array([[-0.4 * R0, 0.0]]), INK, width=0.02
-    )
+    way = np.array([[np.copysign(0.4 * R0, shift), 0.0]])
+    sections.draw_arrows(axes, np.array([[0.0, 0.36 * R0]]) - 0.5 * way, way, INK, width=0.02)
     axes.text(0.0, 0.43 * R0, r"$\delta v_\mathrm{mig}$", ha="center", va="bottom")
     axes.legend(
         loc="upper center", bbox_to_anchor=(0.5, 0.04), ncols=4, handlelength=1.2, columnspacing=1.2
@@ -113,7 +114,7 @@ def _after(cell: Table) -> str:
 
 FIGURE = Figure(
     name="fig2b",
-    title="velocity perturbations of the polarization mode",
+    title="velocity perturbations of the mode l = 1",
     source="figure 2B",
     parameters=Parameters(),
     compute=compute,

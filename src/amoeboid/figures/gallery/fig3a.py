@@ -32,7 +32,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
             "theory": computed.theory_table(p, computed.spread(low, threshold, high)),
             "branch": computed.branch_table(p, "v_p0", branch),
             "threshold": computed.threshold_table(p, threshold),
-            "runs": computed.runs_table(p, "v_p0", speeds, runs),
+            "runs": computed.runs_table(p, "v_p0", speeds, runs, SUBDIVISIONS),
         },
         notes=(
             f"threshold v_p^c = {text(p, threshold, 'L/T', '#.8g')}",
@@ -55,7 +55,7 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="fig3a",
-    title="supercritical bifurcation of the retrograde flow",
+    title="supercritical bifurcation",
     source="figure 3A",
     parameters=Parameters(),
     compute=compute,

@@ -26,7 +26,7 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="fig3b",
-    title="subcritical bifurcation of the retrograde flow, with hysteresis",
+    title="subcritical bifurcation, with hysteresis",
     source="figure 3B",
     parameters=Parameters(D=0.4),
     compute=compute,

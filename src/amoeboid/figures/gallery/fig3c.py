@@ -114,7 +114,9 @@ def _widths(p: Parameters, places: list[tuple[float, float]], rows: list[Any], a
         "width": column_of(p, np.where(resolved, width, np.nan)),
         "resolved": column_of(p, resolved),
     }
-    return Table(f"{about}; c0 in units of c_r, D in units of R0^2 beta", columns)
+    return Table(
+        f"{about}; c0 in units of c_r, D in units of R0^2 beta; width = 1 - fold/threshold", columns
+    )
 
 
 def _numbers(rows: list[Any], key: str) -> Array:
@@ -185,7 +187,7 @@ def _crossed(low: tuple[float, float]) -> Any:
 
 FIGURE = Figure(
     name="fig3c",
-    title="super- and subcritical regions and the width of the bistable one",
+    title="type of bifurcation, width of bistable region",
     source="figure 3C",
     parameters=Parameters(),
     compute=compute,

@@ -323,7 +323,7 @@ def _annotate(axes: Any, cell: Table, sight: Array, R0: float, moves: bool) -> N
 
 FIGURE = Figure(
     name="fig3d",
-    title="the polarized cell in 3D",
+    title="polarized cell in 3D",
     source="figure 3D",
     parameters=Parameters(D=0.4, v_p0=6.0),
     compute=compute,

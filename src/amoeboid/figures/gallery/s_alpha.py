@@ -52,7 +52,9 @@ def compute(p: Parameters, results: Results) -> FigureData:
         estimate = SHEAR_MODULUS * THICKNESS / measured("c0", PAPER_CELL["c0"], "N/L^2", "1 / um^2")
         misprint = measured("alpha", PRINTED, STIFFNESS, PRINTED)
         values = np.array([estimate, misprint]) / p.units.of(STIFFNESS)
-        tables["estimates"] = _formulas(p, values, "G h/c0, and what the paper prints for it")
+        tables["estimates"] = _formulas(
+            p, values, "G h/c0 with the paper's c0, and what the paper prints for it"
+        )
         notes += [
             f"alpha = {text(p, value, STIFFNESS, '.3g')}: {text(p, right, 'L/T', '.4g')} as "
             f"derived, {text(p, wrong, 'L/T', '.4g')} as printed"
@@ -138,13 +140,13 @@ def _draw_estimates(axes: Any, table: Table, shown: float) -> None:
 
 def _tidy(unit: str) -> tuple[float, str]:
     """Factor and unit in which ticks have few digits."""
-    return (1e20, f"10⁻²⁰ {unit}") if unit == "Pa m^3" else (1.0, unit)
+    return (1e20, f"10^-20 {unit}") if unit == "Pa m^3" else (1.0, unit)
 
 
 FIGURE = Figure(
     name="s_alpha",
     title="threshold against the stiffness of the cortex",
-    source="SI, cortical resistance to compression",
+    source="SI, equation 72",
     parameters=Parameters.physical(),
     compute=compute,
     draw=draw,

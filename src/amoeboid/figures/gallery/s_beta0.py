@@ -26,8 +26,8 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="s_beta0",
-    title="the bifurcation without turnover, beta = 0",
-    source="SI, case of zero restoration rate",
+    title="bifurcation without turnover, beta = 0",
+    source="SI, beta = 0",
     parameters=Parameters(beta=0.0),
     compute=compute,
     draw=draw,

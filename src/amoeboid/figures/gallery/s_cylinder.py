@@ -188,8 +188,8 @@ def _legends(above: Any, below: Any, ratios: list[float], marked: bool) -> None:
 
 FIGURE = Figure(
     name="s_cylinder",
-    title="a cortex of finite thickness against the thin shell",
-    source="SI figure fig_cyliner, eqvR to eqViscositiesSphere",
+    title="cortex of finite thickness and thin shell",
+    source="SI, thick cortex",
     parameters=Parameters.physical(),
     compute=compute,
     draw=draw,

@@ -55,7 +55,7 @@ def draw(data: FigureData, axes: Any) -> None:
 FIGURE = Figure(
     name="s_inverse",
     title="exponential and inverse polymerization law",
-    source="SI, weakly nonlinear analysis for the inverse relation",
+    source="SI, inverse law",
     parameters=Parameters(),
     compute=compute,
     draw=draw,

@@ -111,8 +111,8 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="s_monomers",
-    title="growth speed limited by monomers, and both laws",
-    source="SI, estimate for the competition for monomers",
+    title="polymerization speed limited by monomers",
+    source="SI, monomers",
     parameters=Parameters.physical(),
     compute=compute,
     draw=draw,

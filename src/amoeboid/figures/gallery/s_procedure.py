@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import sys
 import textwrap
 import time
@@ -199,12 +200,13 @@ def compute(p: Parameters, results: Results) -> FigureData:
     )
 
 
-BOX, DATA, BAR, END = (0.1, 0.525), 0.54, 0.735, 0.91
-ROW = 0.72  # height of a box, in rows
+BOX, BAR, END = (0.1, 0.735), 0.76, 0.92
+ROW = 0.84  # height of a box, in rows
+LETTERS = 51  # of a line in a box
 
 
 def draw(data: FigureData, axes: Any) -> None:
-    """One flow chart a scheme: stages, what they give, and the share of the step."""
+    """One flow chart per scheme: stages, what they give and do, and the time of each."""
     table = data["stages"]
     most = max(np.count_nonzero(table["scheme"] == scheme) for scheme in SCHEMES)
     for panel, (scheme, title) in zip(axes, SCHEMES.items(), strict=True):
@@ -213,9 +215,8 @@ def draw(data: FigureData, axes: Any) -> None:
         panel.set_xlim(0.0, 1.0)
         panel.set_ylim(most + 0.6, -0.9)
         total = table["time"][rows[0]] / table["share"][rows[0]] if len(rows) else 0.0
-        panel.set_title(f"{title}: {total:.3g} ms a step", loc="left", pad=2)
-        panel.text(BOX[0], -0.6, "stage", fontsize=6.5, color=GRAY, va="center")
-        panel.text(DATA, -0.6, "gives", fontsize=6.5, color=GRAY, va="center")
+        panel.set_title(f"{title}: {total:.3g} ms per step", loc="left", pad=2)
+        panel.text(BOX[0], -0.6, "stage → what it gives", fontsize=6.5, color=GRAY, va="center")
         panel.text(BAR, -0.6, "time [ms]", fontsize=6.5, color=GRAY, va="center")
         for place, row in enumerate(rows.tolist()):
             _draw_stage(panel, table, row, place, last=place == len(rows) - 1)
@@ -228,7 +229,7 @@ def draw(data: FigureData, axes: Any) -> None:
 
 
 def _draw_stage(panel: Any, table: Table, row: int, place: int, last: bool) -> None:
-    """The box of a stage with an arrow to the next one, its data, and a bar of its time."""
+    """The box of a stage with an arrow to the next one, and a bar of its time."""
     from matplotlib.patches import FancyBboxPatch, Rectangle
 
     left, right = BOX
@@ -244,11 +245,14 @@ def _draw_stage(panel: Any, table: Table, row: int, place: int, last: bool) -> N
         edgecolor="none",
     )
     panel.add_patch(box)
-    style = {"fontsize": 6.0, "va": "center", "family": "monospace", "color": INK}
+    style = {"va": "center", "color": INK}
     calls = table["calls"][row]
     often = "" if round(calls, 1) == 1.0 else f" ×{calls:.2g}"
-    panel.text(left + 0.01, place, f"{table['function'][row].lstrip('_')}{often}", **style)
-    panel.text(DATA, place, table["gives"][row], **style)
+    given = f" → {table['gives'][row]}" if table["gives"][row] else ""
+    name = f"{table['function'][row].lstrip('_')}{often}{given}"
+    panel.text(left + 0.01, place - 0.24, name, fontsize=6.0, family="monospace", **style)
+    about = textwrap.fill(in_short(table["about"][row]), LETTERS)
+    panel.text(left + 0.01, place + 0.12, about, fontsize=5.5, linespacing=1.0, **style)
     if not last:
         middle = (left + right) / 2
         panel.annotate(
@@ -264,9 +268,21 @@ def _draw_stage(panel: Any, table: Table, row: int, place: int, last: bool) -> N
     panel.text(BAR + length + 0.01, place, f"{table['time'][row]:.2g}", fontsize=6.0, va="center")
 
 
+def in_short(about: str) -> str:
+    """A line of a docstring without shapes, units and what follows a semicolon.
+
+    >>> in_short("dc/dt (V,) at nodes that move with v [N/(L^2 T)]; main text `cdot`.")
+    'dc/dt at nodes that move with v'
+    """
+    plain = re.sub(r" \([A-Z0-9]+,( [A-Z0-9]+)*\)| \[[^]]*\]|`", "", about.partition(";")[0])
+    return plain.strip().removesuffix(".")
+
+
 def _draw_key(panel: Any, row: float) -> None:
     """What the colors mean, in the free place below the shorter list."""
-    for k, (color, words) in enumerate(((PALE, "once a step"), (SKY, "until it converges, ×n"))):
+    for k, (color, words) in enumerate(
+        ((PALE, "once per step"), (SKY, "until converged, ×n: calls per step"))
+    ):
         panel.text(
             BOX[0],
             row - 1.5 + k,
@@ -296,11 +312,11 @@ def _draw_loop(panel: Any, x: float, first: int, last: int, color: str, words: s
 
 FIGURE = Figure(
     name="s_procedure",
-    title="stages of a time step and the time that each takes",
-    source="SI figure fig_flow_chart_numerical_procedure",
+    title="stages of a time step and their times",
+    source="SI, flow chart",
     parameters=Parameters(),
     compute=compute,
     draw=draw,
-    size=(7.0, 4.4),
+    size=(7.0, 7.0),
     panels=(1, 2),
 )

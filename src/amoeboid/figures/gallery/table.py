@@ -183,8 +183,8 @@ def _printed(text: str) -> str:
 
 FIGURE = Figure(
     name="table",
-    title="parameters, thresholds and non-dimensional numbers",
-    source="SI table tab_params",
+    title="parameters, thresholds, dimensionless numbers",
+    source="SI, table",
     parameters=Parameters(),
     compute=compute,
     draw=draw,
