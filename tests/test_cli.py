@@ -322,7 +322,9 @@ def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys)
     assert (folder / manifest["frames"][-1]["file"]).is_file()
 
 
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
     folder = tmp_path / "run"
     long = ["--set", "mesh.subdivisions=2", "--set", "time.end=1e6", "--json", "-o", str(folder)]

@@ -158,7 +158,7 @@ def measured_error(before, step):
     return difference(before.model, a, b, flow.normals)
 
 
-@pytest.mark.parametrize("delta_P", [11.0, 300.0])
+@pytest.mark.parametrize("delta_P", [11.0, pytest.param(300.0, marks=pytest.mark.slow)])
 def test_the_first_step_follows_the_tolerance(delta_P):
     """Its error, measured against many short steps, is no larger than the tolerance allows."""
     config = Config(
@@ -174,6 +174,7 @@ def test_the_first_step_follows_the_tolerance(delta_P):
     assert lengths[1] < 0.3 * lengths[0]
 
 
+@pytest.mark.slow
 def test_a_step_that_would_empty_the_front_follows_the_tolerance_too(monkeypatch):
     """The concentration is of first order then; taken for one of second, it is wrong by more.
 

@@ -158,6 +158,22 @@ def test_a_failing_write_leaves_the_old_file_and_nothing_else(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
+def test_what_a_killed_run_left_half_written_is_removed_when_it_is_resumed(tmp_path):
+    _, run, _ = run_into(tmp_path / "run", stop_after=2)
+    left = [
+        run.folder / ".checkpoint.123.partial.npz",
+        run.folder / "frames" / ".frame.9.partial.vtp",
+    ]
+    own = run.folder / ".notes.partial"
+    for path in (*left, own):
+        path.write_text("half")
+    resumed, _ = resumed_run(run.folder, run.config)
+    assert all(path.exists() for path in left)
+    resumed.begin()
+    assert not any(path.exists() for path in left)
+    assert own.exists()
+
+
 def test_folders_that_hold_something_are_refused(tmp_path):
     write_text(tmp_path / "notes", "mine")
     with pytest.raises(InvalidInput, match="new or empty"):
@@ -277,6 +293,7 @@ def test_collection_is_well_formed(tmp_path):
     assert [(run.folder / s.get("file")).is_file() for s in sets] == [True] * len(run.frame_times)
 
 
+@pytest.mark.slow
 def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path):
     """The checkpoint holds the mesh: nodes and triangles are no longer those of the start."""
     config = Config(

@@ -173,7 +173,7 @@ POINTS = [
     Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
     pytest.param(Parameters(D=0.4, v_p0=6.0, delta_P=30.0, eta_b=3.0), marks=pytest.mark.slow),
     Parameters(D=0.1, v_p0=4.5, alpha=0.05),
-    Parameters(D=0.03, v_p0=1.75, law="inverse"),
+    pytest.param(Parameters(D=0.03, v_p0=1.75, law="inverse"), marks=pytest.mark.slow),
     Parameters(D=0.1, v_p0=0.75, beta=0.0),
     Parameters(D=0.1, v_p0=4.0, law="v_p0/(1 + (c/c_r)**2)"),
 ]

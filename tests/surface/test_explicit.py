@@ -114,6 +114,7 @@ def test_uniform_growth_dilutes_by_twice_its_rate():
     np.testing.assert_allclose(lagrangian_rate(model, c, g, 0.1 * r), -0.2 * c, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_step_is_first_order_in_time(monkeypatch):
     monkeypatch.setattr(explicit, "RESIDUAL", 1e-12)  # far below the error of the steps
     model, begin = polarizing(SOFT, 1)

@@ -119,7 +119,7 @@ def settled(shape, delta_P, end=0.05):
 @pytest.mark.parametrize(
     ("name", "delta_P"),
     [
-        ("three lobes", 3.0),
+        pytest.param("three lobes", 3.0, marks=pytest.mark.slow),
         pytest.param("dumbbell", 11.0, marks=pytest.mark.slow),
         pytest.param("dumbbell", 3.0, marks=pytest.mark.slow),
         pytest.param("three lobes", 11.0, marks=pytest.mark.slow),
@@ -184,7 +184,8 @@ def steady_state(share, monkeypatch, delta_P=300.0):
     return observed(last.cell)
 
 
-@pytest.mark.parametrize("delta_P", [pytest.param(300.0, marks=pytest.mark.slow), 11.0])
+@pytest.mark.slow
+@pytest.mark.parametrize("delta_P", [300.0, 11.0])
 def test_steady_states_do_not_depend_on_the_normal_viscosity(delta_P, monkeypatch):
     """v.n = 0 in a steady state, up to the rate of change that counts as steady."""
     found = [steady_state(share, monkeypatch, delta_P) for share in (1e-4, 1e-2)]

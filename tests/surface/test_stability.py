@@ -91,8 +91,12 @@ def test_growth_rate_of_sphere_matches_linear_theory(p, error):
 
 @pytest.mark.parametrize(
     ("p", "error"),
-    [(STIFF, 0.01), (SOFT, 0.09), (TURNS, 0.16), (NO_TURNOVER, 0.02)],
-    ids=["stiff", "soft", "turns", "no turnover"],
+    [
+        pytest.param(STIFF, 0.01, id="stiff"),
+        pytest.param(SOFT, 0.09, id="soft", marks=pytest.mark.slow),
+        pytest.param(TURNS, 0.16, id="turns"),
+        pytest.param(NO_TURNOVER, 0.02, id="no turnover", marks=pytest.mark.slow),
+    ],
 )
 def test_growth_rate_of_polarized_cell_matches_axisymmetric_spectrum(p, error):
     """The errors are those of 162 nodes.

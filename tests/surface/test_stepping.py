@@ -77,6 +77,7 @@ def test_a_rotated_cell_gives_the_rotated_result(axis, angle):
     np.testing.assert_allclose(headings[1], turn @ headings[0], atol=1e-6)
 
 
+@pytest.mark.slow
 @settings(max_examples=6)
 @given(direction=unit_vectors)
 def test_polarization_along_any_direction_gives_the_same_numbers(direction):

@@ -75,7 +75,7 @@ def test_growth_rate_is_derived_from_the_tangential_force_balance(l):
         )
 
 
-@pytest.mark.parametrize("l", [2, 3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("l", [2, *(pytest.param(l, marks=pytest.mark.slow) for l in (3, 4))])
 def test_finite_pressure_matrix_is_derived_on_the_deformed_sphere(l):
     derived = model.linear_dynamics(l)
     for p in POINTS:

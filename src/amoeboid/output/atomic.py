@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 from amoeboid.validation import InvalidInput
+
+PARTIAL = re.compile(r"\..+\.\d+\.partial(\.\w+)?")  # names of files before they are renamed
+
+
+def remove_partial(folder: Path) -> None:
+    """Remove what programs that were killed had begun to write in a folder, and below it."""
+    for path in folder.rglob(".*"):
+        if PARTIAL.fullmatch(path.name):
+            path.unlink(missing_ok=True)
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:

@@ -36,7 +36,7 @@ from amoeboid.config import (
 )
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.units import Units
-from amoeboid.output.atomic import text_of, write_atomically, write_text
+from amoeboid.output.atomic import remove_partial, text_of, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
 from amoeboid.output.frames import FrameFiles, write_initial
 from amoeboid.output.timeseries import TimeSeriesFile
@@ -104,7 +104,11 @@ class RunFolder:
         return self.config.time.scheme != "explicit" or self.checkpoint.due(step)
 
     def begin(self) -> None:
-        """Write the configuration and a manifest that says the run is under way."""
+        """Write the configuration and a manifest that says the run is under way.
+
+        What a run that was killed left half-written is removed.
+        """
+        remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
         self.write_manifest("running")
 

@@ -21,7 +21,7 @@ from amoeboid.observables import OBSERVABLES, cortex_drag_velocity, polarization
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.studies.columns import physical_number, quantity, text
-from amoeboid.studies.states import steady_states
+from amoeboid.studies.states import SteadyState, steady_states
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
 from amoeboid.surface.rigid import rotation
@@ -34,9 +34,10 @@ from amoeboid.validation import InvalidInput
 
 # A cell that is less polar than this share of its start is another one.
 MIN_KEPT = 0.1
-# A path turns if it does so faster than this, in units of rate: slower, the mesh turns it. It
-# climbs if its pitch angle is larger than this.
-MIN_TURNING, MIN_CLIMB = 1e-3, 1e-2
+# A path turns if it does so faster than this, in units of rate, and than the mesh turns a straight
+# cell that lies at an angle to its axes, the second number over that of the nodes (observed: 0.0035
+# on 42, 0.0002 on 642). It climbs if its pitch angle is larger than the third.
+MIN_TURNING, ERROR_OF_TURNING, MIN_CLIMB = 1e-3, 3.0, 1e-2
 
 PATH = {"turning": "1/T", "radius_of_curvature": "L", "torsion": "1/L", "growth_rate": "1/T"}
 """Numbers of a steady cell beside its observables, with their dimensions."""
@@ -97,11 +98,15 @@ class SteadyCell(Snapshot):
 
     @property
     def _turns(self) -> bool:
-        return self._turning > MIN_TURNING * self.model.rate
+        least = max(MIN_TURNING, ERROR_OF_TURNING / len(self.state.c))
+        return self._turning > least * self.model.rate
 
     @property
     def path(self) -> str:
-        """What the path is: "straight", "circle" or "helix"."""
+        """What the path is: "straight", "circle" or "helix".
+
+        Straight if it turns no faster than the mesh may turn it, by some 3/nodes of the rate.
+        """
         if not self._turns:
             return "straight"
         climb = abs(float(self._angular_velocity @ self._velocity))
@@ -269,8 +274,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
     Raises InvalidInput for what is no start, and for a mesh beside a start that has one.
     """
     if start is None:
-        known = steady_states(p, (1,))
-        start = next((s for s in reversed(known) if s.stable), known[-1])
+        start = _known(p)
     state, flow = getattr(start, "state", None), getattr(start, "flow", None)
     if isinstance(state, State) and flow is not None:  # a snapshot of any kind
         refuse_mesh(mesh)
@@ -292,9 +296,30 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
             "start must be a steady cell, a snapshot such as the final of a solution, an "
             f"axisymmetric steady state or an InitialCell, got {start!r}"
         )
+    finite = all(np.isfinite(x).all() for x in (start.r, start.c, start.zeta0))
+    if not (finite and start.c.min() >= 0.0 and start.c.max() > 0.0):
+        raise InvalidInput(
+            "start must hold finite numbers, and a concentration >= 0 that is not 0 everywhere, "
+            f"got {start!r}"
+        )
     model = Model(p, connectivity(start.faces))
     r = placed(start.r, start.faces, model.A0)
     return model, Moving(r, start.c, start.zeta0, np.zeros_like(r), np.zeros(3))
+
+
+def _known(p: Parameters) -> SteadyState:
+    """The fastest axisymmetric state, a stable one if there is one.
+
+    Raises InvalidInput if that is the sphere only because others have not been found.
+    """
+    known = steady_states(p, (1,))
+    found = next((state for state in reversed(known) if state.stable), known[-1])
+    if known.problems and not any(state.number("polarity") > MIN_KEPT**2 for state in known):
+        raise InvalidInput(
+            "a start must be given where no polarized axisymmetric state is found: "
+            f"{known.problems[0]}; give the end of a run"
+        )
+    return found
 
 
 def refuse_mesh(mesh: Any) -> None:

@@ -27,7 +27,7 @@ from amoeboid.meshes.geometry import Geometry, geometry, normal_part
 from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import rigid_changes
-from amoeboid.surface.stepping import tension_for_area
+from amoeboid.surface.stepping import StepFailed, tension_for_area
 from amoeboid.surface.transport import gained, implicit_matrix
 
 
@@ -107,7 +107,10 @@ class ImplicitMap:
         h = z[self.n : 2 * self.n] + dt / p.R0 * np.einsum("vi,vi->v", v, g.normals)
         gain = gained(model, cell.c, g, v - normal_part(v, g.normals))
         c = cell.c + self._transport.solve(dt * gain)
-        c = c * (model.parameters.c0 * model.A0 / (g.node_areas @ cell.c)) / self._scale
+        number = float(g.node_areas @ cell.c)
+        if not number > 0.0:
+            raise StepFailed("the cell has lost all its filaments")
+        c = c * (model.parameters.c0 * model.A0 / number) / self._scale
         x = np.concatenate([c, h])
         # the motion of the frame that keeps the cell in its place on the nodes
         kept = -self._inverse @ (self._excluded.T @ (x - self._start))
