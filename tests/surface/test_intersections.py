@@ -8,9 +8,15 @@ from hypothesis import strategies as st
 
 from amoeboid.meshes.connectivity import icosphere
 from amoeboid.meshes.intersections import GRID, _side_of_plane, intersecting_pair
+from amoeboid.numerics.compiled import compiled
 
 SMALL = st.integers(0, 4)
 POINT = st.tuples(SMALL, SMALL, SMALL)
+
+
+@compiled
+def side_of_plane(nodes, a, b, c, d):
+    return _side_of_plane(nodes, a, b, c, d)
 
 
 def edges(corners):
@@ -117,7 +123,7 @@ def test_the_side_of_a_plane_is_exact_on_the_whole_grid(a, b, c, s, t, off):
     d = np.clip(a + s * (b - a) + t * (c - a) + off, 0, GRID)
     exact = determinant(b - a, c - a, d - a)
     nodes = np.array([a, b, c, d], dtype=np.int64)
-    assert _side_of_plane(nodes, 0, 1, 2, 3) == (exact > 0) - (exact < 0)
+    assert side_of_plane(nodes, 0, 1, 2, 3) == (exact > 0) - (exact < 0)
 
 
 def determinant(x, y, z):
@@ -132,7 +138,7 @@ def test_extreme_corners_do_not_overflow():
     for four in combinations(range(8), 4):
         a, b, c, d = (corners[i].astype(object) for i in four)
         exact = determinant(b - a, c - a, d - a)
-        assert _side_of_plane(corners, *four) == (exact > 0) - (exact < 0)
+        assert side_of_plane(corners, *four) == (exact > 0) - (exact < 0)
 
 
 def test_every_pair_is_found_that_a_search_of_all_pairs_finds():

@@ -227,7 +227,7 @@ def _plane_axes(nodes, triangle):  # type: ignore[no-untyped-def]
     return p, q
 
 
-@compiled
+@nested
 def _side_of_plane(nodes, a, b, c, d):  # type: ignore[no-untyped-def]
     """Sign of ((b - a) x (c - a)).(d - a), exactly.
 
