@@ -202,7 +202,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
 
 BOX, BAR, END = (0.1, 0.735), 0.76, 0.92
 ROW = 0.84  # height of a box, in rows
-LETTERS = 51  # of a line in a box
+LETTERS = 47  # of a line in a box
 
 
 def draw(data: FigureData, axes: Any) -> None:
