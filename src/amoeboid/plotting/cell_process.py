@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
-from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.palette import INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
@@ -57,18 +57,8 @@ def draw(path: str, scene: Scene) -> None:
         _label(canvas, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", ORANGE)
     _add_scale(canvas, axes, size, R0, float(scene["fastest"]) if moving else None)
     canvas.text(canvas.share(0.03, 0.06), f"t = {float(scene['t']):.4g} [T]", INK, FONT_SIZE, "lm")
-    _add_colors(canvas, low, high)
+    canvas.color_bar(low, high, "filament concentration c [N/L^2]", FONT_SIZE)
     canvas.save(Path(path))
-
-
-def _add_colors(canvas: Canvas, low: float, high: float) -> None:
-    """The bar of colors, with five numbers and what they are."""
-    canvas.bar(0.2, 0.93, 0.8, 0.96)
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        number = f"{low + share * (high - low):.4g}"
-        canvas.text(canvas.share(0.2 + 0.6 * share, 0.915), number, INK, FONT_SIZE)
-    title = "filament concentration c [N/L^2]"
-    canvas.text(canvas.share(0.5, 0.868), title, INK, 1.15 * FONT_SIZE)
 
 
 def _add_scale(
@@ -76,7 +66,7 @@ def _add_scale(
 ) -> None:
     """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
     right, up, _ = axes
-    length = _round_length(0.6 * R0)
+    length = round_length(0.6 * R0)
     end = size * (1.45 * right + 1.0 * up)
     half = 0.015 * R0 * up
     corners = [end - half, end + half, end - length * right - half, end - length * right + half]
@@ -87,12 +77,6 @@ def _add_scale(
         canvas.arrow(begin, ARROW * R0 * right, INK)
         place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
         _label(canvas, place, f"retrograde flow {fastest:.3g} [L/T]", INK)
-
-
-def _round_length(longest: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
-    power = 10.0 ** np.floor(np.log10(longest))
-    return float(max(k for k in (1.0, 2.0, 5.0) if k * power <= longest) * power)
 
 
 def _sight(rear: Array, side: Array) -> Array:
