@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import struct
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -53,17 +54,20 @@ class LiveCell:
         """Whether time passes."""
         return not self.paused and not self.problem
 
-    def pass_time(self, seconds: float) -> None:
-        """Let so many seconds of the page pass; one step at most is made."""
+    def pass_time(self, seconds: float, budget: float = 0.05) -> None:
+        """Let so many seconds of the page pass, or as many as steps of `budget` seconds reach."""
         if not self.going:
             return
         wanted = self.shown_t + seconds * self.pace / self.recipe.rate
-        if wanted > self._step.state.t:
+        began = time.monotonic()
+        while wanted > self._step.state.t and self.going:
             try:
                 with one_thread:
                     self._before, self._step = self._step, next_step(self._step, self._time)
             except (Diverged, InvalidInput) as error:
                 self.problem = f"the run cannot go on: {error}"
+            if time.monotonic() - began > budget:
+                break
         self.shown_t = min(wanted, self._step.state.t)
 
     def change_to(self, p: Parameters) -> None:
