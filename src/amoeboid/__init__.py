@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.explorer.notebook import explore
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
@@ -91,6 +92,7 @@ _HOMES = {
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
+    "explore": "explorer.notebook",
     "figures": "figures",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
@@ -158,6 +160,7 @@ __all__ = [
     "config_from_toml",
     "config_to_toml",
     "evolve",
+    "explore",
     "figures",
     "growth_rate",
     "load",

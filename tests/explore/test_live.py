@@ -51,7 +51,7 @@ def test_the_python_lines_repeat_what_was_seen(p, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     cell = played_with(NOISE, p)
     names = {}
-    exec(python_lines(cell.recipe, cell.step.state.t), names)
+    exec(python_lines(cell.recipe, cell.step.state.t), names)  # noqa: S102
     found = names["solution"].last.state
     # a quantity is printed with 6 digits
     assert np.allclose(found.c, cell.step.state.c, rtol=0 if p is P else 1e-4, atol=0)
@@ -78,7 +78,7 @@ def test_a_frame_is_the_cell_at_the_time_that_is_shown():
     header, rest = json.loads(frame[4 : 4 + length]), frame[4 + length :]
     assert [name for name, *_ in header["arrays"]] == ["x", "c", "flow", "faces"]
     assert header["t"] == pytest.approx(cell.shown_t)
-    shapes = dict((name, shape) for name, shape, _ in header["arrays"])
+    shapes = {name: shape for name, shape, _ in header["arrays"]}
     x = np.frombuffer(rest[: 12 * 42], "<f4").reshape(shapes["x"])
     assert np.linalg.norm(x, axis=1) == pytest.approx(1.0, abs=0.05)
     faces = np.frombuffer(rest[-12 * 80 :], "<u4").reshape(shapes["faces"])

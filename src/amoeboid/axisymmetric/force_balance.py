@@ -78,8 +78,8 @@ def axial_strength(cue: Any) -> float:
     along = isinstance(cue, Cue) and cue.direction[0] == 0 == cue.direction[1]
     if not along or cue.pokes:
         raise InvalidInput(
-            f"an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), no pokes, got {cue!r}; "
-            "use a run in 3D"
+            "an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), and no pokes, "
+            f"got {cue!r}; use a run in 3D"
         )
     return float(np.copysign(cue.strength, cue.direction[2] * cue.strength))
 

@@ -25,6 +25,7 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "explore": "a live page in the browser: sliders, the branch, and a 3D cell that moves",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -43,15 +44,18 @@ def curves(branch: Branch, names: Sequence[str]) -> list[Curve]:
     for k, (piece, lengths) in enumerate(zip(branch.pieces, branch.lengths, strict=True)):
         cuts = sorted(s.length for s in special if s.piece == k)
         points = sorted(
-            [*zip(lengths, piece, strict=True), *((s.length, s.state) for s in special if s.piece == k)],
+            [
+                *zip(lengths, piece, strict=True),
+                *((s.length, s.state) for s in special if s.piece == k),
+            ],
             key=lambda point: point[0],
         )
-        apart = [points[0]] + [b for a, b in zip(points, points[1:], strict=False) if b[0] > a[0]]
+        apart = [points[0]] + [b for a, b in pairwise(points) if b[0] > a[0]]
         length = np.array([s for s, _ in apart])
         x = np.array([state.parameters.value(branch.name) for _, state in apart])
         y = {name: np.array([state.number(name) for _, state in apart]) for name in names}
         ends = [length[0], *[s for s in cuts if length[0] < s < length[-1]], length[-1]]
-        for begin, end in zip(ends, ends[1:], strict=False):
+        for begin, end in pairwise(ends):
             inside = [st for s, st in zip(lengths, piece, strict=True) if begin <= s <= end]
             if end > begin and inside:
                 fine = _fine(length, begin, end)
@@ -128,7 +132,7 @@ def _interpolated(length: Array, values: Array, fine: Array) -> Array:
 
 def _fine(length: Array, begin: float, end: float) -> Array:
     knots = np.concatenate([[begin], length[(length > begin) & (length < end)], [end]])
-    parts = [np.linspace(a, b, BETWEEN, endpoint=False) for a, b in zip(knots, knots[1:], strict=False)]
+    parts = [np.linspace(a, b, BETWEEN, endpoint=False) for a, b in pairwise(knots)]
     return np.append(np.concatenate(parts), end)
 
 

@@ -21,7 +21,7 @@ from amoeboid.explorer.words import verdict
 from amoeboid.model.parameters import Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.branch import Branch, branch
-from amoeboid.studies.columns import magnitude, quantity, shortened, text, unit
+from amoeboid.studies.columns import ROUNDING, magnitude, quantity, shortened, text, unit
 from amoeboid.studies.states import SteadyState
 from amoeboid.studies.theory import Theory, theory
 from amoeboid.validation import InvalidInput
@@ -42,7 +42,7 @@ MAX_STEP = 0.3
 POINTS = 61  # along a meridian
 SPHERE_POINTS = 60
 MAX_KEPT = 48
-DIGITS = 5
+DIGITS = 5  # of what the page draws
 
 
 class Kept:
@@ -66,9 +66,13 @@ class Kept:
 
 
 class Answers:
-    """Answers to one parameter point after another; branches that were followed are kept."""
+    """Answers to one parameter point after another; branches that were followed are kept.
 
-    def __init__(self) -> None:
+    `points` is the number of points along a meridian, `window` that of the latest branch.
+    """
+
+    def __init__(self, points: int = POINTS) -> None:
+        self._points, self.window = points, (0.0, 0.0)
         self.theories, self.branches, self.drawn, self.states = Kept(), Kept(), Kept(), Kept()
 
     def of(self, p: Parameters, name: str, watch: Watch) -> Iterator[Answer]:
@@ -80,7 +84,7 @@ class Answers:
         yield theory_answer(found)
         followed: Branch | None = None
         try:
-            window = self._window(p, name, found)
+            window = self.window = self._window(p, name, found)
             base = p.replace(v_p0=window[1]) if name == "v_p0" else p
             start, end = (quantity(p, value, p.dimension(name)) for value in window)
             followed = self.branches.get(
@@ -94,7 +98,7 @@ class Answers:
                 (base, p.units, name, window), lambda: branch_answer(p, followed, window)
             )
         key = (p, p.units, name)
-        yield self.states.get(key, lambda: states_answer(p, found, followed))
+        yield self.states.get(key, lambda: states_answer(p, found, followed, self._points))
 
     @staticmethod
     def _window(p: Parameters, name: str, found: Theory) -> tuple[float, float]:
@@ -150,16 +154,14 @@ def branch_answer(p: Parameters, found: Branch, window: Sequence[float]) -> Answ
     name, dimension = found.name, p.dimension(found.name)
 
     def numbers(state: Any) -> dict[str, float]:
-        return {o: _shown(p, state.number(o), observed.dimension(o)) for o in OBSERVED}
+        return {o: _shown(p, _number_of(state, o), observed.dimension(o)) for o in OBSERVED}
 
     return {
         "kind": "branch",
         "name": name,
         "unit": unit(p, dimension),
         "window": _shown(p, window, dimension),
-        "observables": [
-            {"name": o, "unit": unit(p, observed.dimension(o))} for o in OBSERVED
-        ],
+        "observables": [{"name": o, "unit": unit(p, observed.dimension(o))} for o in OBSERVED],
         "curves": [
             {
                 "stable": curve.stable,
@@ -185,14 +187,15 @@ def branch_answer(p: Parameters, found: Branch, window: Sequence[float]) -> Answ
 
 def _sphere(p: Parameters, name: str, window: Sequence[float], dimension: str | None) -> Answer:
     """The homogeneous sphere along the window: observables, and whether it is stable."""
-    values = np.linspace(*window, SPHERE_POINTS)
+    values = np.linspace(window[0], window[1], SPHERE_POINTS)
     points = [p.replace(**{name: float(value)}) for value in values]
     states = [SteadyState(homogeneous(q)) for q in points]
     return {
         "x": _shown(p, values, dimension),
         "stable": [_sphere_is_stable(q) for q in points],
         "y": {
-            o: _shown(p, [s.number(o) for s in states], observed.dimension(o)) for o in OBSERVED
+            o: _shown(p, [_number_of(s, o) for s in states], observed.dimension(o))
+            for o in OBSERVED
         },
     }
 
@@ -202,7 +205,9 @@ def _sphere_is_stable(p: Parameters) -> bool:
     return bool(growth_rate(p, 1) < 0 and all(np.real(rate) < 0 for rate in slow))
 
 
-def states_answer(p: Parameters, found: Theory, followed: Branch | None) -> Answer:
+def states_answer(
+    p: Parameters, found: Theory, followed: Branch | None, points: int = POINTS
+) -> Answer:
     """The steady states at the point: shape, profiles, stability, speeds."""
     polarized: list[SteadyState] = []
     problems: list[str] = []
@@ -212,7 +217,7 @@ def states_answer(p: Parameters, found: Theory, followed: Branch | None) -> Answ
     states = [rest, *polarized]
     return {
         "kind": "states",
-        "states": [_state(p, state, rest is state) for state in states],
+        "states": [_state(p, state, rest is state, points) for state in states],
         "units": {o: unit(p, observed.dimension(o)) for o in OBSERVED}
         | {"c": unit(p, "N/L^2"), "u": unit(p, "L/T"), "r": unit(p, "L"), "rate": unit(p, "1/T")},
         "value": None if followed is None else _shown(
@@ -223,16 +228,16 @@ def states_answer(p: Parameters, found: Theory, followed: Branch | None) -> Answ
     }  # fmt: skip
 
 
-def _state(p: Parameters, state: SteadyState, resting: bool) -> Answer:
-    x = np.linspace(0.0, np.pi, POINTS)
-    r, z = state.solution.outline(POINTS)
+def _state(p: Parameters, state: SteadyState, resting: bool, points: int) -> Answer:
+    x = np.linspace(0.0, np.pi, points)
+    r, z = state.solution.outline(points)
     z = z - _center(r, z)
     return {
         "rest": resting,
         "stable": state.stable,
         "unstable_modes": {str(m): count for m, count in state.unstable_modes.items()},
-        "numbers": {o: _shown(p, state.number(o), observed.dimension(o)) for o in OBSERVED},
-        "texts": {o: text(p, state.number(o), observed.dimension(o), ".4g") for o in OBSERVED},
+        "numbers": {o: _shown(p, _number_of(state, o), observed.dimension(o)) for o in OBSERVED},
+        "texts": {o: text(p, _number_of(state, o), observed.dimension(o), ".4g") for o in OBSERVED},
         "r": _shown(p, r, "L"),
         "z": _shown(p, z, "L"),
         "theta": _shown(p, np.arctan2(r, z), None),
@@ -243,6 +248,13 @@ def _state(p: Parameters, state: SteadyState, resting: bool) -> Answer:
             for rate in (_number(state.growth_rates(m)[0]) for m in AZIMUTHAL_NUMBERS)
         ],
     }
+
+
+def _number_of(state: Any, name: str) -> float:
+    """An observable; 0 where it is rounding alone, as the speeds of a sphere at rest are."""
+    p, value = state.parameters, float(state.number(name))
+    scale = {"L/T": p.R0 * p.rate, "1": 1.0}.get(observed.dimension(name) or "", 0.0)
+    return value if abs(value) > ROUNDING * scale else 0.0
 
 
 def _number(found: Any) -> complex:

@@ -39,15 +39,16 @@ def live_page(port: int) -> tuple[bytes, str]:
     modules = {name: f"./{file}" for name, file in (MODULES | LIVE_MODULES).items()}
     words = {
         "style": '<link rel="stylesheet" href="style.css">',
-        "imports": f'<script type="importmap" nonce="{nonce}">{_json({"imports": modules})}</script>',
+        "imports": _import_map(modules, f' nonce="{nonce}"'),
         "data": _json(_common() | {"mode": "live", "starts": STARTS}),
         "main": '<script type="module" src="app.js"></script>',
         "policy": "",
     }
     hosts = " ".join(f"ws://{name}:{port}" for name in ("127.0.0.1", "localhost"))
     policy = (
-        f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self' 'unsafe-inline'; "
-        f"connect-src 'self' {hosts}; img-src 'self' data: blob:; base-uri 'none'; form-action 'none'"
+        f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; "
+        f"connect-src 'self' {hosts}; img-src 'self' data:; "
+        "base-uri 'none'; form-action 'none'"
     )
     return _filled(words), policy
 
@@ -55,15 +56,22 @@ def live_page(port: int) -> tuple[bytes, str]:
 def offline_page(data: dict[str, Any]) -> bytes:
     """The page in one file, which shows `data` and asks no host."""
     modules = {name: _data_url(file) for name, file in MODULES.items()}
-    policy = "default-src 'none'; script-src data: 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:"
+    policy = (
+        "default-src 'none'; script-src data: 'unsafe-inline'; style-src 'unsafe-inline'; "
+        "img-src data:"
+    )
     words = {
         "style": f"<style>{_text('style.css')}</style>",
-        "imports": f'<script type="importmap">{_json({"imports": modules})}</script>',
+        "imports": _import_map(modules),
         "data": _json(_common() | {"mode": "file"} | data),
         "main": f'<script type="module">{_text("app.js")}</script>',
         "policy": f'<meta http-equiv="Content-Security-Policy" content="{escape(policy)}">',
     }
     return _filled(words)
+
+
+def _import_map(modules: dict[str, str], attributes: str = "") -> str:
+    return f'<script type="importmap"{attributes}>{_json({"imports": modules})}</script>'
 
 
 def _common() -> dict[str, Any]:

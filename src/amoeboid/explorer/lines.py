@@ -11,7 +11,10 @@ from amoeboid.runs.solution import Solution, simulate
 
 
 def made_again(
-    recipe: Recipe, end: float, folder: Path | None = None, progress: Callable[[Any], None] | None = None
+    recipe: Recipe,
+    end: float,
+    folder: Path | None = None,
+    progress: Callable[[Any], None] | None = None,
 ) -> Solution:
     """The run of a recipe until the time `end` [T], in a new folder if one is given.
 

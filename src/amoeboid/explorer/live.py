@@ -22,8 +22,18 @@ from amoeboid.studies.columns import magnitude, text, unit
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
-SHOWN = ("max_retrograde_speed", "cortex_drag_speed", "polarity", "c_front", "c_rear", "deformation")
+SHOWN = (
+    "max_retrograde_speed",
+    "cortex_drag_speed",
+    "polarity",
+    "c_front",
+    "c_rear",
+    "deformation",
+)
 """The observables beside the cell."""
+
+BETWEEN = 0.2
+"""Seconds between two frames that have the observables too."""
 
 FOREVER = 1e7
 MAX_PACE, MAX_POKE = 50.0, 5.0
@@ -43,6 +53,7 @@ class LiveCell:
         self._time = recipe.time(FOREVER / recipe.rate)
         self.shown_t = 0.0
         self._faces_sent: Any = None
+        self._observed = -math.inf
 
     @property
     def step(self) -> Step:
@@ -80,7 +91,9 @@ class LiveCell:
             x, y, z = (float(value) for value in direction)
             strength = float(strength)
         except (TypeError, ValueError):
-            raise InvalidInput("a poke must have a direction of three numbers, and a strength") from None
+            raise InvalidInput(
+                "a poke must have a direction of three numbers, and a strength"
+            ) from None
         if not 1e-3 < math.hypot(x, y, z) < 1e3 or not -1.0 <= strength <= MAX_POKE:
             raise InvalidInput(
                 f"a poke must have a direction that is not zero and a strength from -1 to "
@@ -113,21 +126,27 @@ class LiveCell:
             "t": float(magnitude(p, step.state.t, "T")),
             "time": text(p, step.state.t, "T", ".4g"),
             "position": (step.state.position / p.R0).tolist(),
-            "rear": polarization(cell).tolist(),
-            "observables": {
-                name: text(p, OBSERVABLES[name].value(name, cell), OBSERVABLES[name].dimension, ".4g")
-                for name in SHOWN
-            },
-            "polarity": OBSERVABLES["polarity"].value("polarity", cell),
+            "polarity": float(np.linalg.norm(polarization(cell))),
             "unit": unit(p, "N/L^2"),
             "steady": self._words(),
             "problem": self.problem,
             "paused": self.paused,
             "arrays": [[name, list(a.shape), a.dtype.kind] for name, a in arrays.items()],
         }
+        now = time.monotonic()
+        if now - self._observed > BETWEEN:
+            self._observed = now
+            header["observables"] = {
+                name: text(
+                    p, OBSERVABLES[name].value(name, cell), OBSERVABLES[name].dimension, ".4g"
+                )
+                for name in SHOWN
+            }
         words = json.dumps(header, allow_nan=False).encode()
         words += b" " * (-len(words) % 4)
-        return b"".join([struct.pack("<I", len(words)), words, *(a.tobytes() for a in arrays.values())])
+        return b"".join(
+            [struct.pack("<I", len(words)), words, *(a.tobytes() for a in arrays.values())]
+        )
 
     def show_all(self) -> None:
         """Send the faces again with the next frame."""

@@ -45,10 +45,17 @@ class Preset:
 
 PRESETS = (
     Preset(
+        name="polarizes",
+        title="A cell that polarizes",
+        note="Small noise grows, and the cell finds one front and one rear.",
+        values={"D": 0.4, "v_p0": 7.5},
+    ),
+    Preset(
         name="polarized",
         title="A polarized cell (figure 3D)",
-        note="Small noise grows, and the cell finds one front and one rear.",
-        values={"D": 0.4, "v_p0": 6.5},
+        note="Just below the threshold: a cell that starts polarized stays so.",
+        values={"D": 0.4, "v_p0": 6.0},
+        start="polarization",
     ),
     Preset(
         name="smooth",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
@@ -141,7 +140,7 @@ class Recipe:
         ]  # fmt: skip
         if fixed or set(now) != set(before):
             raise InvalidInput(
-                f"the {(fixed or ['law'])[0]} must stay while a cell lives; restart it to change that"
+                f"the {(fixed or ['law'])[0]} must stay while a cell lives; restart it to change it"
             )
         at, jumps = self.next_time(t), dict(self.jumps)
         for name, value in now.items():
@@ -169,7 +168,9 @@ class Recipe:
     def _at(self, t: float) -> dict[str, float]:
         """The latest value of every parameter, also of those that are to come."""
         latest = {name: points[-1][1] for name, points in self.jumps.items()}
-        return {name: latest.get(name, self.parameters.value(name)) for name in self.parameters.names}
+        return {
+            name: latest.get(name, self.parameters.value(name)) for name in self.parameters.names
+        }
 
 
 def _value(p: Parameters, name: str, of: Parameters) -> float:

@@ -192,7 +192,7 @@ class Player:
         )
         self.cell = LiveCell(recipe)
         if before is not None:
-            self.cell.pace, self.cell.paused = before.pace, before.paused
+            self.cell.pace = before.pace
         self.output.text({"kind": "begun", "start": recipe.start})
 
     def _change(self, message: Message) -> None:
@@ -207,8 +207,14 @@ class Player:
         from amoeboid.explorer.live import MAX_PACE
 
         value = message.get("value")
-        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 < value <= MAX_PACE:
-            raise InvalidInput(f"the pace must be a number > 0 and <= {MAX_PACE:g}, got {value!r:.80}")
+        if (
+            isinstance(value, bool)
+            or not isinstance(value, int | float)
+            or not 0 < value <= MAX_PACE
+        ):
+            raise InvalidInput(
+                f"the pace must be a number > 0 and <= {MAX_PACE:g}, got {value!r:.80}"
+            )
         self.cell.pace = float(value)
 
     def _lines(self, message: Message) -> None:

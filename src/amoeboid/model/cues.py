@@ -60,7 +60,8 @@ class Cue:
     )
     direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "direction of the cue")
     pokes: tuple[tuple[float, ...], ...] = rows(
-        "local cues that pass, v_p times 1 + strength near a direction", POKE_RULE,
+        "local cues that pass, v_p times 1 + strength near a direction",
+        POKE_RULE,
         lambda found: _pokes(found),
     )
 
@@ -89,7 +90,9 @@ class Cue:
             if begin < t < begin + duration:
                 towards = np.array([x, y, z]) / math.hypot(x, y, z)
                 near = np.exp((directions @ towards - 1.0) / POKE_WIDTH**2)
-                found = found * (1.0 + strength * math.sin(math.pi * (t - begin) / duration) ** 2 * near)
+                found = found * (
+                    1.0 + strength * math.sin(math.pi * (t - begin) / duration) ** 2 * near
+                )
         return found
 
 
