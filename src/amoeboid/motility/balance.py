@@ -52,8 +52,10 @@ class Motion:
 
     @property
     def efficiency(self) -> float:
-        """Towing power over power; infinite if the flow slips nowhere."""
-        return self.towing / self.power if self.power > 0.0 else np.inf
+        """Towing power over power; infinite if the flow slips nowhere, 0 for a cell that rests."""
+        if self.power > 0.0:
+            return self.towing / self.power
+        return np.inf if self.towing > 0.0 else 0.0
 
 
 def motion(surface: Surroundable, environment: Environment) -> Motion:

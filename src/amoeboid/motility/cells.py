@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array, Index
-from amoeboid.meshes.geometry import normal_part, volume, volume_centroid
+from amoeboid.meshes.files import surface_file
+from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centroid
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
 from amoeboid.motility.triangulated import TriangulatedSurface
@@ -47,6 +48,10 @@ def _of_mesh(cell: Any) -> TriangulatedSurface:
 
 UPWARD = np.array([0.0, 0.0, 1.0])
 """The front of a cell that has none."""
+
+
+USUAL_NAMES = ("flow", "retrograde_flow")
+"""Names that the flow has in a file."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,6 +110,30 @@ class MeasuredCell:
                 )
             object.__setattr__(self, "front", found / np.linalg.norm(found))
 
+    @classmethod
+    def from_file(
+        cls, path: str, flow: str | None = None, *, front: Any = None,
+        length: str | None = None, time: str | None = None,
+    ) -> MeasuredCell:  # fmt: skip
+        """The surface of a file (.vtp) with vectors at its points, those of the name `flow`.
+
+        Without a name: those named flow or retrograde_flow, or the only ones beside normals. Its
+        c is that of the points, if they have one. Raises InvalidInput.
+        """
+        found = surface_file(path, "a measured surface", ("vtp",))
+        names = [name for name in found.vectors if not name.lower().startswith("normal")]
+        if flow is None:
+            usual = [name for name in USUAL_NAMES if name in names]
+            wanted = usual[:1] or (names if len(names) == 1 else [])
+        else:
+            wanted = [flow] if flow in names else []
+        if not wanted:
+            raise InvalidInput(
+                f"the flow of {path!r} must be one of its vectors at points, which are "
+                f"{', '.join(names) or 'none'}; name it, as with --flow NAME"
+            )
+        return cls(found.r, found.faces, found.vectors[wanted[0]], found.c, front, length, time)
+
     def __repr__(self) -> str:
         units = "" if self.length is None else f" in {self.length} and {self.time}"
         return f"MeasuredCell({len(self.r)} nodes, {len(self.faces)} faces{units})"
@@ -112,8 +141,6 @@ class MeasuredCell:
     @property
     def surface(self) -> TriangulatedSurface:
         """The surface as surroundings feel it."""
-        from amoeboid.meshes.geometry import geometry
-
         x = self.r - volume_centroid(self.r, self.faces)
         g = geometry(self.r, self.faces)
         v_n = np.einsum("vi,vi->v", self.flow, g.normals)

@@ -18,7 +18,7 @@ from amoeboid.motility.surfaces import (
     ways_of,
 )
 
-SIDES = 24  # axes across the polarity whose caps stand for those of all sides
+SIDES = 12  # axes across the polarity whose caps stand for those of all sides
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -110,29 +110,15 @@ class TriangulatedSurface:
     def _within(self, cones: list[tuple[Array, float]]) -> Points:
         """The surface where the direction from the center has at least these cosines to axes.
 
-        Fields and cosines are linear on the triangles, of which the parts are cut out.
+        The triangles at the border are cut into parts, those where it is linear.
         """
-        directions = self.x / np.linalg.norm(self.x, axis=1)[:, None]
-        corners = [np.eye(3)[k] for k in range(3)]
-        levels = [(directions @ axis - least)[self.faces] for axis, least in cones]
-        reached = np.all([level.max(axis=1) > 0.0 for level in levels], axis=0)
-        rows, shares, areas = [], [], []
-        face_areas = geometry(self.x, self.faces).face_areas
-        for f in np.flatnonzero(reached):
-            polygon = corners
-            for level in levels:
-                polygon = _clipped(polygon, level[f])
-            for k in range(1, len(polygon) - 1):
-                triangle = np.stack([polygon[0], polygon[k], polygon[k + 1]])
-                rows.append(f)
-                areas.append(abs(np.linalg.det(triangle)) * face_areas[f])
-                # points of a rule of degree 2, from the corners
-                shares.append(MIDDLES @ triangle)
+        faces, parts = self._parts(cones)
+        for cone in cones:
+            faces, parts = _clipped(faces, parts, _levels(self.x[self.faces[faces]], parts, cone))
+        areas = np.abs(np.linalg.det(parts)) * geometry(self.x, self.faces).face_areas[faces]
+        nodes = np.repeat(self.faces[faces], 3, axis=0)
+        mixed = (MIDDLES @ parts).reshape(-1, 3)
         whole = self.everywhere
-        count = 3 * len(rows)
-        nodes = np.repeat(self.faces[np.array(rows, dtype=int)], 3, axis=0).reshape(count, 3)
-        mixed = np.array(shares).reshape(count, 3)
-        weights = np.repeat(np.array(areas) / 3.0, 3)
 
         def at(field: Array) -> Array:
             return np.asarray(np.einsum("qa,qa...->q...", mixed, field[nodes]))
@@ -140,21 +126,72 @@ class TriangulatedSurface:
         normals = at(whole.normals)
         normals /= np.linalg.norm(normals, axis=1)[:, None]
         ways = np.stack([at(way) for way in whole.ways])
-        return Points(at(self.x), normals, weights, at(whole.c), ways)
+        return Points(at(self.x), normals, np.repeat(areas / 3.0, 3), at(whole.c), ways)
+
+    def _parts(self, cones: list[tuple[Array, float]]) -> tuple[Index, Array]:
+        """Faces (T,) and corners (T, 3, 3) in them of triangles: whole inside, else divided."""
+        corners = self.x[self.faces]
+        fine = np.stack(
+            [_levels(corners, np.broadcast_to(FINE[k], (len(corners), 3, 3)), cone)
+             for cone in cones for k in range(len(FINE))]
+        ).reshape(len(cones), len(FINE), len(corners), 3)  # fmt: skip
+        levels = fine > 0.0
+        inside = np.all(levels, axis=(0, 1, 3))
+        reached = np.any(np.all(levels, axis=0), axis=(0, 2)) & ~inside
+        whole, border = np.flatnonzero(inside), np.flatnonzero(reached)
+        faces = np.concatenate([whole, np.repeat(border, len(FINE))])
+        parts = [np.broadcast_to(np.eye(3), (len(whole), 3, 3)), np.tile(FINE, (len(border), 1, 1))]
+        return faces, np.concatenate(parts)
 
 
 MIDDLES = np.array([[4.0, 1.0, 1.0], [1.0, 4.0, 1.0], [1.0, 1.0, 4.0]]) / 6.0
+"""Points of a rule of degree 2 on a triangle."""
 
 
-def _clipped(polygon: list[Array], level: Array) -> list[Array]:
-    """The part of a polygon, in barycentric coordinates, where a linear function is positive."""
-    found: list[Array] = []
-    values = [float(corner @ level) for corner in polygon]
-    for k, corner in enumerate(polygon):
-        before, value = values[k - 1], values[k]
-        if (before > 0.0) != (value > 0.0):
-            share = before / (before - value)
-            found.append(polygon[k - 1] + share * (corner - polygon[k - 1]))
-        if value > 0.0:
-            found.append(corner)
-    return found
+def _divided(count: int) -> Array:
+    """Corners (count^2, 3, 3) of equal parts of a triangle."""
+    found = []
+    for i in range(count):
+        for j in range(count - i):
+            a, b = np.array([i, j]), np.array([[1, 0], [0, 1], [1, 1]])
+            found.append([a, a + b[0], a + b[1]])
+            if i + j < count - 1:
+                found.append([a + b[0], a + b[2], a + b[1]])
+    place = np.array(found, dtype=float) / count
+    return np.concatenate([1.0 - place.sum(axis=2, keepdims=True), place], axis=2)
+
+
+FINE = _divided(4)
+"""Parts of a triangle at the border of a region."""
+
+
+def _levels(corners: Array, parts: Array, cone: tuple[Array, float]) -> Array:
+    """How far inside a cone (T, 3) the corners of parts of triangles lie, as an angle [rad]."""
+    axis, least = cone
+    x = parts @ corners
+    cosines = np.einsum("tai,i->ta", x, axis) / np.linalg.norm(x, axis=2)
+    return np.asarray(np.arccos(least) - np.arccos(np.clip(cosines, -1.0, 1.0)))
+
+
+def _clipped(faces: Index, parts: Array, levels: Array) -> tuple[Index, Array]:
+    """The parts of triangles where a function that is linear on each of them is positive."""
+    inside = levels > 0.0
+    count = inside.sum(axis=1)
+    kept_faces, kept = [faces[count == 3]], [parts[count == 3]]
+    for number in (1, 2):
+        some = count == number
+        # the corner that is alone on its side comes first
+        alone = np.argmax(inside[some] == (number == 1), axis=1)
+        order = (alone[:, None] + np.arange(3)) % 3
+        p = np.take_along_axis(parts[some], order[:, :, None], axis=1)
+        f = np.take_along_axis(levels[some], order, axis=1)
+        share = (f[:, :1] / (f[:, :1] - f[:, 1:]))[..., None]
+        cut = p[:, :1] + share * (p[:, 1:] - p[:, :1])
+        if number == 1:
+            kept.append(np.concatenate([p[:, :1], cut], axis=1))
+            kept_faces.append(faces[some])
+        else:
+            kept.append(np.stack([cut[:, 0], p[:, 1], p[:, 2]], axis=1))
+            kept.append(np.stack([cut[:, 0], p[:, 2], cut[:, 1]], axis=1))
+            kept_faces += [faces[some]] * 2
+    return np.concatenate(kept_faces), np.concatenate(kept)
