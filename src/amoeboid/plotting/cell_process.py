@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
-from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.palette import INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
@@ -97,25 +97,14 @@ def add_scales(canvas: Canvas, scene: Scene, view: View) -> None:
     words = f"t = {float(scene['t']):.4g} {time}"
     canvas.text(canvas.share(0.03, 0.06), words, INK, view.font, "lm")
     _add_scale(canvas, view, float(scene["R0"]), length, speed if scene["moving"] else None)
-    _add_colors(canvas, view, concentration)
-
-
-def _add_colors(canvas: Canvas, view: View, unit: str) -> None:
-    """The bar of colors, with five numbers and what they are."""
-    canvas.bar(0.2, 0.93, 0.8, 0.96)
-    low, high = view.limits
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        number = f"{low + share * (high - low):.4g}"
-        canvas.text(canvas.share(0.2 + 0.6 * share, 0.915), number, INK, view.font)
-    title = f"filament concentration c {unit}"
-    canvas.text(canvas.share(0.5, 0.868), title, INK, 1.15 * view.font)
+    canvas.color_bar(*view.limits, f"filament concentration c {concentration}", view.font)
 
 
 def _add_scale(canvas: Canvas, view: View, R0: float, unit: str, speed: str | None) -> None:
     """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
     right, up, _ = view.axes
     size, about = view.size, view.about
-    length = _round_length(0.6 * size)
+    length = round_length(0.6 * size)
     end = about + size * (1.45 * right + 1.0 * up)
     half = 0.015 * size * up
     corners = [end - half, end + half, end - length * right - half, end - length * right + half]
@@ -127,12 +116,6 @@ def _add_scale(canvas: Canvas, view: View, R0: float, unit: str, speed: str | No
         canvas.arrow(begin, ARROW * R0 * right, INK)
         place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
         _label(canvas, view, place, f"retrograde flow {view.fastest:.3g} {speed}", INK)
-
-
-def _round_length(longest: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
-    power = 10.0 ** np.floor(np.log10(longest))
-    return float(max(k for k in (1.0, 2.0, 5.0) if k * power <= longest) * power)
 
 
 def seen_along(rear: Array, side: Array) -> tuple[Array, Array, Array]:
