@@ -45,8 +45,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.epilog = (
         "Numbers are in the units of the run: um, s, ... where it has physical parameters.\n"
-        "Every file is written under another name first and then renamed. --help of this command\n"
-        "lists the names of the formats; docs/folders.md describes them."
+        "Every file is written under another name first and then renamed. What the formats hold\n"
+        "stands in docs/folders.md."
     )
 
 
