@@ -41,9 +41,13 @@ def test_table_and_infinite_efficiency(capsys):
 
 
 def test_physical_units(capsys):
-    found = json.loads(told(capsys, "--physical", "--json", "--in", "fluid:0.7 mPa s"))
+    cell = ["--physical", "--set", "D=4 um^2/s", "--set", "v_p0=6 um/s"]
+    found = json.loads(told(capsys, *cell, "--json", "--in", "fluid:0.7 mPa s"))
     assert found["units"]["velocity"] == "um/s"
-    assert found["environments"]["fluid:0.7 mPa s"]["velocity"] == pytest.approx(0.10599, rel=1e-3)
+    speed = found["environments"]["fluid:0.7 mPa s"]["velocity"]
+    p = am.Parameters.physical(D="4 um^2/s", v_p0="6 um/s")
+    expected = am.migrate(am.steady_states(p, (1,)).fastest_stable).speed
+    assert speed == pytest.approx(expected.to("um/s").magnitude, rel=1e-12)
 
 
 def test_folder_of_a_run_and_surface_with_vectors(capsys, tmp_path):
