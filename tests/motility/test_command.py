@@ -41,11 +41,11 @@ def test_table_and_infinite_efficiency(capsys):
 
 
 def test_physical_units(capsys):
-    cell = ["--physical", "--set", "D=4 um^2/s", "--set", "v_p0=6 um/s"]
+    cell = ["--physical", "--set", "D=4 um^2/s", "--set", "v_p0=2.8 um/s"]
     found = json.loads(told(capsys, *cell, "--json", "--in", "fluid:0.7 mPa s"))
     assert found["units"]["velocity"] == "um/s"
     speed = found["environments"]["fluid:0.7 mPa s"]["velocity"]
-    p = am.Parameters.physical(D="4 um^2/s", v_p0="6 um/s")
+    p = am.Parameters.physical(D="4 um^2/s", v_p0="2.8 um/s")
     expected = am.migrate(am.steady_states(p, (1,)).fastest_stable).speed
     assert speed == pytest.approx(expected.to("um/s").magnitude, rel=1e-12)
 

@@ -104,7 +104,12 @@ def _state(args: argparse.Namespace) -> tuple[Any, Any]:
             found = steady_states(p, (1,), watch)
         for problem in found.problems:
             tell("motility", problem)
-        return found.fastest_stable, p
+        stable = [state for state in found if state.stable]
+        if not stable:
+            tell(
+                "motility", "no stable state was found; this is the fastest one, which is unstable"
+            )
+        return (stable or found)[-1], p
     if args.state.is_dir():
         from amoeboid.runs.stored import load
 
