@@ -89,7 +89,7 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     text = Canvas.text
     monkeypatch.setattr(Canvas, "text", lambda *given: (written.append(given[2]), text(*given))[1])
     cell_process.draw(
-        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last).items()}
+        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last.cell).items()}
     )
     cell.save_cell_picture(tmp_path / "cell.png", last)
     assert "front" in written

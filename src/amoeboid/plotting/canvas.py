@@ -140,10 +140,14 @@ class Canvas:
         """The place at shares of the width from the left and of the height from the top."""
         return np.array([x * self._size[0], y * self._size[1]])
 
+    def image(self) -> Image.Image:
+        """The picture."""
+        self._flush()
+        return self._image.reduce(SMOOTHING)
+
     def save(self, path: Path) -> None:
         """Write a PNG file."""
-        self._flush()
-        self._image.reduce(SMOOTHING).save(path, format="png", compress_level=4)
+        self.image().save(path, format="png", compress_level=4)
 
     def _flush(self) -> None:
         for _, polygon, color in sorted(self._solids, key=lambda solid: solid[0]):
