@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import tempfile
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -74,6 +74,10 @@ def _told(file, process):
     pytest.skip(f"Chromium does not start here (exit code {process.poll()})")
 
 
+class Refused(Exception):
+    """The browser does not do what it is told, for example while it loads another page."""
+
+
 class Browser:
     def __init__(self, socket, process):
         self.socket, self.process = socket, process
@@ -87,7 +91,8 @@ class Browser:
         while True:
             answer = json.loads(self.socket.recv(timeout=PATIENCE))
             if answer.get("id") == self._number:
-                assert "error" not in answer, answer
+                if "error" in answer:
+                    raise Refused(f"{method}: {answer['error']}")
                 return answer["result"]
             if "method" in answer:
                 self.events.append(answer)
@@ -128,9 +133,10 @@ class Tab:
         """The value of an expression once it is true."""
         end = time.monotonic() + timeout
         while time.monotonic() < end:
-            found = self.value(f"typeof explorer === 'undefined' ? null : ({expression})")
-            if found:
-                return found
+            with suppress(Refused):
+                found = self.value(f"typeof explorer === 'undefined' ? null : ({expression})")
+                if found:
+                    return found
             time.sleep(0.03)
         raise TimeoutError(expression)
 

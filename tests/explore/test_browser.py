@@ -9,8 +9,6 @@ from amoeboid.cli.main import main
 from explore.chromium import browser, kill
 from explore.serving import children, explorer, gone
 
-pytestmark = pytest.mark.slow  # each test is a second or two of a browser that draws in software
-
 SPEED = "explorer.known.states?.states.at(-1).numbers.max_retrograde_speed"
 FRAME = "explorer.live.latest"
 ABOVE, BELOW, BISTABLE = 7.5, 3.0, 5.5
@@ -70,6 +68,7 @@ def test_of_two_changes_in_a_row_the_last_is_shown(tab):
     assert tab.value("explorer.known.states.value") == 7.1
 
 
+@pytest.mark.slow
 def test_the_cell_polarizes_above_the_threshold_and_not_below(tab):
     tab.value("(() => { const p = document.getElementById('pace'); p.value = 8;"
               "p.dispatchEvent(new Event('input')); })()")  # fmt: skip
@@ -82,6 +81,7 @@ def test_the_cell_polarizes_above_the_threshold_and_not_below(tab):
     assert tab.value("document.querySelectorAll('#map path').length") > 0
 
 
+@pytest.mark.slow
 def test_a_poke_by_mouse_turns_the_cell(tab):
     at(tab, 6.0)
     start(tab, "polarization")
@@ -121,10 +121,11 @@ def test_a_wrong_value_shows_the_rule_beside_its_slider(tab):
     tab.until("document.getElementById('p-D-wrong').hidden")
 
 
+@pytest.mark.slow
 def test_reload_and_a_second_tab_go_on(tab, chromium, server):
+    tab.value("explorer.before = true")
     tab.call("Page.reload")
-    time.sleep(0.5)
-    tab.until("explorer.known.states && explorer.live.latest")
+    tab.until("!explorer.before && explorer.known.states && explorer.live.latest")
     second = chromium.open(server[1])
     second.until("explorer.known.states && explorer.live.latest")
     second.click("#pause")
@@ -133,6 +134,7 @@ def test_reload_and_a_second_tab_go_on(tab, chromium, server):
     second.close()
 
 
+@pytest.mark.slow
 def test_presets_and_physical_units(tab):
     for name in tab.value("[...document.querySelectorAll('#preset option')].map((o) => o.value)"):
         tab.value(f"(() => {{ const s = document.getElementById('preset'); s.value = '{name}';"
@@ -144,6 +146,7 @@ def test_presets_and_physical_units(tab):
     assert "um/s" in tab.value("document.getElementById('sentences').textContent")
 
 
+@pytest.mark.slow
 def test_keyboard_and_screen_readers(tab):
     unnamed = tab.value(
         "[...document.querySelectorAll('input, select, button, canvas')].filter((e) =>"
@@ -166,6 +169,7 @@ def test_keyboard_and_screen_readers(tab):
     assert tab.value("document.getElementById('sentences').getAttribute('aria-live')") == "polite"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("dark", [False, True])
 def test_it_fits_the_screen(chromium, server, width, dark, tmp_path):
@@ -176,6 +180,7 @@ def test_it_fits_the_screen(chromium, server, width, dark, tmp_path):
     tab.close()
 
 
+@pytest.mark.slow
 def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     path = tmp_path / "page.html"
     assert main(["explore", "--export", str(path), "--set", "D=0.4", "--set", "v_p0=5.5"]) == 0
@@ -194,6 +199,7 @@ def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     tab.close()
 
 
+@pytest.mark.slow
 def test_a_killed_browser_leaves_no_process():
     with explorer("--idle", "2") as (process, address), browser() as own:
         own.open(address).until("explorer.live.latest")
