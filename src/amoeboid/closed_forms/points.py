@@ -38,6 +38,12 @@ class Points(Material):
     D: Array
     v_p0: Array
     alpha: Array
+    chi: Array
+    kappa: Array
+    gamma_t: Array
+    gamma_n: Array
+    gamma_c: Array
+    gamma_share: Array
     law: Law
     stress: Stress
 
