@@ -4,7 +4,8 @@ The surface moves along its normal by h, the concentration changes by c', the co
 (a, i b, w) along (t, e_phi, n). All equations are linearized in convected coordinates: with
 X' = h n, X'_1 = h_s n + kappa_1 h t, X'_2 = i (m/r) h n + kappa_2 h e_phi, the strain rate is
 D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
-integral of sqrt(g) sigma^ij X_j . y_i = integral of delta_P sqrt(g) n . y for all velocities y.
+integral of sqrt(g) sigma^ij X_j . y_i = integral of sqrt(g) (delta_P n + f) . y for all velocities
+y, with the forces f of friction and bending.
 Translations and rotations are neutral; the spectrum is that of what is left.
 
 h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:
@@ -26,6 +27,7 @@ from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import finite_pressure_rates
+from amoeboid.forces import friction
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.model.stress import principal_stresses
@@ -72,6 +74,9 @@ class Base:
     c_s: Array
     slope: Array
     tau_slope: Array
+    H_s: Array
+    H_ss: Array
+    cell_velocity: Array
 
 
 @dataclass(frozen=True)
@@ -265,9 +270,24 @@ def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
     entries = (
         measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
         stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
-        sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope,
+        sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope, *_slopes_of_H(state, x, psi, r),
+        np.full(x.size, -scalars[2] / friction.unit(p) if p.has_friction else 0.0),
     )  # fmt: skip
     return Base(*(e[:, None] for e in entries))
+
+
+def _slopes_of_H(state: SteadySolution, x: Array, psi: Array, r: Array) -> tuple[Array, Array]:
+    """First and second derivative of H = kappa_1 + kappa_2 along the meridian."""
+    n, scale = state.n, state.length_scale
+    a_psi = split(state.x, n)[0]
+    k = np.arange(1, n)
+    sines, cosines = np.sin(np.outer(x, k)), np.cos(np.outer(x, k))
+    kappa_1, kappa_2 = (1.0 + (cosines * k) @ a_psi) / scale, np.sin(psi) / r
+    kappa_1_s, kappa_1_ss = -(sines * k**2) @ a_psi / scale**2, -(cosines * k**3) @ a_psi / scale**3
+    cot = np.cos(psi) / r
+    kappa_2_s = cot * (kappa_1 - kappa_2)
+    kappa_2_ss = cot * (kappa_1_s - kappa_2_s) - (kappa_1 * kappa_2 + cot**2) * (kappa_1 - kappa_2)
+    return kappa_1_s + kappa_2_s, kappa_1_ss + kappa_2_ss
 
 
 @dataclass(frozen=True)
@@ -286,6 +306,7 @@ class Trial:
     shear: Array
     lean: Array
     tilt: Array
+    w_spread: Array
 
 
 def _trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
@@ -311,15 +332,24 @@ def _trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
         shear=wave * a - cot * b + b_s,
         lean=w_s - base.kappa_1 * a,
         tilt=wave * w - base.kappa_2 * b,
+        w_spread=np.hstack([w[:, : -P.shape[1]] * 0.0, _laplacian(base, basis, scale)]),
     )
+
+
+def _laplacian(base: Base, basis: HarmonicBasis, scale: float) -> Array:
+    """Surface Laplacian of every harmonic."""
+    cot, wave = base.cos_psi / base.r, basis.degrees[0] / base.r
+    along = basis.curvatures / scale**2 + cot * basis.slopes / scale
+    return np.asarray(along - wave**2 * basis.values)
 
 
 @dataclass(frozen=True)
 class Perturbed:
-    """Displacement h, its slope, c' and its slope for every unknown, one column each; m/r."""
+    """Displacement h, slope and Laplacian, c' and its slope for every unknown, one column each; m/r."""
 
     h: Array
     h_s: Array
+    h_spread: Array
     c: Array
     c_s: Array
     wave: Array
@@ -331,6 +361,7 @@ def _perturbed_fields(base: Base, basis: HarmonicBasis, scale: float) -> Perturb
     return Perturbed(
         h=np.hstack([basis.values, none]),
         h_s=np.hstack([slopes, none]),
+        h_spread=np.hstack([_laplacian(base, basis, scale), none]),
         c=np.hstack([none, basis.values]),
         c_s=np.hstack([none, slopes]),
         wave=basis.degrees[0] / base.r,
@@ -354,7 +385,10 @@ def _velocity_response(
     fields: Perturbed,
     rigid: list[tuple[Array, Array, Array]],
 ) -> tuple[Array, Array, Array]:
-    """(a, b, w) at the nodes that each perturbation drives, without net rigid motion."""
+    """(a, b, w) at the nodes that each perturbation drives.
+
+    Without net rigid motion; with friction relative to the surroundings.
+    """
 
     def integral(test: Array, field: Array) -> Array:
         return test.T @ (base.measure * field)
@@ -367,6 +401,15 @@ def _velocity_response(
         + p.eta_s * integral(trial.shear, trial.shear)
     )
     load = _load(p, base, trial, fields, integral)
+    if p.has_friction:
+        m = friction.density(base.c, p)
+        along, across = m * (p.gamma_t + p.gamma_c), m * (p.gamma_n + p.gamma_c)
+        stiffness += integral(trial.a, along * trial.a) + integral(trial.b, along * trial.b)
+        stiffness += integral(trial.w, across * trial.w)
+        load -= _drag_load(p, base, trial, fields, integral)
+        rigid = []  # nothing is free
+    if p.kappa:
+        load -= _bending_load(p, base, trial, fields, integral)
     borders = [
         integral(trial.a, a) + integral(trial.b, b) + integral(trial.w, w) for a, b, w in rigid
     ]
@@ -380,6 +423,48 @@ def _velocity_response(
     matrix = np.block([[stiffness, border], [border.T, np.zeros((k, k))]])
     v = solve(matrix, np.vstack([-load, *right]))[: stiffness.shape[0]]
     return trial.a @ v, trial.b @ v, trial.w @ v
+
+
+def _drag_load(p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: Any) -> Array:
+    """Virtual power of the perturbed drag with the velocity of the cortex held."""
+    m, slope = friction.density(base.c, p), p.gamma_share / (p.c0 or p.c_r)
+    tangent = base.U - base.sin_psi * base.cell_velocity
+    v_n = base.cos_psi * base.cell_velocity
+    cortex_n = base.W + v_n
+    along, across = friction.drag(tangent, v_n, cortex_n, base.c, p)
+    H, v_p, v_p_change = base.kappa_1 + base.kappa_2, -base.W, base.slope * fields.c
+    # the normal leans by -h_s and -wave h; v_p and the drag along the normal follow it
+    leaning = m * (p.gamma_t * v_p + (p.gamma_n - p.gamma_t) * v_n)
+    thicker = slope * fields.c / m
+    normal = across * thicker - m * p.gamma_n * v_p_change
+    normal = normal + m * (p.gamma_n - p.gamma_t) * tangent * fields.h_s
+    return (
+        integral(trial.a, along * (H * fields.h + thicker) + leaning * fields.h_s)
+        + integral(trial.b, leaning * fields.wave * fields.h)
+        + integral(trial.w, across * H * fields.h + normal)
+    )
+
+
+def _bending_load(
+    p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: Any
+) -> Array:
+    """Virtual power of the perturbed force of bending, kappa [lap_s H + H (H^2/2 - 2 K)] n."""
+    k1, k2, cot, h, h_s = base.kappa_1, base.kappa_2, base.cos_psi / base.r, fields.h, fields.h_s
+    H, K, H_s = k1 + k2, k1 * k2, base.H_s
+    bent = H * (k1 - k2) ** 2 / 2
+    force = base.H_ss + cot * H_s + bent
+    H_change = -fields.h_spread - (k1**2 + k2**2) * h
+    h_22 = cot * h_s - fields.wave**2 * h
+    K_change = -(H * K * h + k2 * (fields.h_spread - h_22) + k1 * h_22)
+    carried = (H - 2 * k1) * h_s * H_s - h * H_s**2
+    carried = carried - 2 * h * (k1 * base.H_ss + k2 * cot * H_s)
+    change = carried + (H**2 / 2 - 2 * K) * H_change + H * (H * H_change - 2 * K_change)
+    return p.kappa * (
+        integral(trial.w_spread, H_change)
+        + integral(trial.w, change + force * H * h)
+        - integral(trial.a, force * h_s)
+        - integral(trial.b, force * fields.wave * h)
+    )
 
 
 def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: Any) -> Array:

@@ -2,8 +2,9 @@
 
 In the frame of the cell the shape rests: the normal cortex velocity is -v_p(c), the tangential one
 u is the retrograde flow itself. Besides shape, u, c, length scale and tension there are two slack
-unknowns that vanish at a solution: an axial force (one force equation is redundant) and a uniform
-source of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
+unknowns that vanish at a solution: an axial force (one force equation is redundant; with friction
+it is the drag on the motion of the cell instead, see `force_balance.forces`) and a uniform source
+of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
 from the turnover, for beta = 0 it is the conserved number).
 """
 
@@ -18,6 +19,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.force_balance import (
+    Motion,
     axial_strength,
     forces,
     speed,
@@ -35,6 +37,7 @@ from amoeboid.axisymmetric.unknowns import (
     split,
     unknown_count,
 )
+from amoeboid.forces import friction
 from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
@@ -68,6 +71,7 @@ class Magnitudes:
             speed_here = p.v_p0 or p.delta_P * p.R0**2 / (p.eta_s + p.eta_b) or p.R0
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
         force = p.delta_P + viscous + abs(float(p.tau(concentration))) / p.R0
+        force += friction.unit(p) * speed_here + p.kappa / p.R0**3
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
 
 
@@ -159,7 +163,8 @@ def equations(n: int, f: Fields, p: Any) -> Any:
     """Residual of the steady problem: force balance, transport, closure, area, filament number."""
     s = shape(grid(n), f.psi, f.psi_slope, f.scale)
     w = -speed(s, f.c, p)
-    tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), f.axial, p)
+    motion = Motion(f.u, w * 0.0, w, f.c)
+    tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), motion, f.axial, p)
     area = 4 * np.pi * p.R0**2
     return stacked(
         [
@@ -260,7 +265,7 @@ class SteadySolution(Measured):
 def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
-    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
+    zeta_0 = (delta_P + gamma_c v_p(c0)) R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
     """
     return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
@@ -268,7 +273,8 @@ def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
 def homogeneous_unknowns(p: Any, n: int) -> Array:
     """The unknowns of the homogeneous sphere, for real or complex parameters."""
     f0 = p.v_p(p.c0)
-    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
+    held = p.delta_P + p.gamma_c * f0
+    zeta0 = held * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
     x = np.zeros(unknown_count(n), dtype=np.result_type(zeta0, p.c0, p.R0, float))
     x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
     return x
@@ -315,7 +321,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
 def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
-    Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each
+    Force balance and transport, without the slack unknowns (the axial force counts with friction), on a grid of `finer` * n points, each
     in units of its magnitude in that state: pressure plus viscous force, largest c times largest
     speed over R0.
     """
@@ -326,13 +332,16 @@ def strong_residual(state: SteadySolution, finer: int = 3) -> float:
 def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     m = finer * n
     x = resampled(coefficients, n, m)
-    x[-2:] = 0.0
+    x[-1] = 0.0
+    if not p.has_friction:
+        x[-2] = 0.0
     f = fields_of(x, m)
     v_p = speed(shape(grid(m), f.psi, f.psi_slope, f.scale), f.c, p)
     fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
     most = np.abs(f.c).max()
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
     force += np.abs(p.tau(f.c)).max() / p.R0
+    force += friction.unit(p) * fastest + p.kappa / p.R0**3
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
     return float(np.max(np.abs(equations(m, f, p)) / units))

@@ -114,9 +114,7 @@ class Theory:
         "amplitude of the polarized state",
         _polarized(lambda w: float(w.state.amplitude)),
     )
-    amplitude_stable = Number(
-        "", "... is stable", _polarized(lambda w: bool(w.state.stable))
-    )
+    amplitude_stable = Number("", "... is stable", _polarized(lambda w: bool(w.state.stable)))
     max_retrograde_speed_cubic = Number(
         "L/T",
         "its retrograde speed, prefactor at v_p^c",

@@ -32,7 +32,8 @@ from amoeboid.meshes.operators import advection, scalar_matrix, stiffness
 from amoeboid.meshes.relaxation import relaxation
 from amoeboid.numerics.conjugate_gradients import constrained_minimum
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.force_balance import pressure_force, rigid_motions
+from amoeboid.surface.force_balance import pressure_force
+from amoeboid.surface.frame import Drag, rigid_motions
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed, check_step
@@ -93,7 +94,10 @@ def explicit_step(
 def constrained_flow(
     model: Model, state: State, g: Geometry, v_p: Array, dt: float, start: Array
 ) -> tuple[Array, float]:
-    """Cortex velocity (V, 3) without mean translation and rotation, and the tension.
+    """Cortex velocity (V, 3) and the tension.
+
+    Without friction the one without mean translation and rotation, with it the one relative to the
+    surroundings.
 
     SI `forcebalance2`, with dA/dr.(v_c + v_p) = (A0 - A)/dt. Raises StepFailed.
     """
@@ -106,8 +110,12 @@ def constrained_flow(
     start = start + wanted / np.sum(per_area**2) * per_area
     viscous = (p.eta_s + p.eta_b) * model.rate * np.linalg.norm(per_area)
     least = RESIDUAL * float(np.linalg.norm(force) + viscous)
+    dissipation, drag = dissipation_blocks(g, mesh, p.eta_s, p.eta_b), Drag.on(model, g, state.c)
+    if drag is not None:
+        dissipation[model.diagonal] += drag.of_cortex
+        force -= drag.resisting(np.zeros_like(r), v_p)
     found = constrained_minimum(
-        dissipation_blocks(g, mesh, p.eta_s, p.eta_b),
+        dissipation,
         mesh.columns,
         mesh.row_start,
         force,
@@ -121,6 +129,8 @@ def constrained_flow(
             f"the conjugate gradients stop at a residual force of {found.residual:.3g} after "
             f"{found.iterations} iterations"
         )
+    if drag is not None:  # the velocity relative to the surroundings
+        return found.x, found.multiplier
     rigid = rigid_motions(r, g)
     weighted = np.repeat(g.node_areas, 3)[:, None] * rigid
     share = np.linalg.solve(rigid.T @ weighted, weighted.T @ found.x.ravel())
