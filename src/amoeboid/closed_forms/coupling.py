@@ -121,7 +121,7 @@ def cubic_equations(p: Points) -> CubicEquations:
     refuse_nonlinear_friction(p)
     c0, R0, S = p.c0, p.R0, p.eta_s + p.eta_b
     f0, f1 = p.v_p_derivatives(c0, 1)
-    _, w1, w2, w3 = driving_derivatives(p, 3)
+    _, w1, w2 = driving_derivatives(p, 2)
     _, K1 = stress_derivatives(p, 1)
     G1, G2 = flow_response(p, 1), flow_response(p, 2)
     _, first, second, third = (G1 * w for w in mode_derivatives(p, 1, 3))

@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.meshes.bending import bending_gradient
 from amoeboid.meshes.geometry import (
     Geometry,
     area,
@@ -105,6 +106,8 @@ def constrained_flow(
     force = p.delta_P * pressure_force(r, g, mesh.faces)
     if p.has_isotropic_stress:
         force -= weighted_area_gradient(g, mesh.faces, p.tau(state.c)[mesh.faces].mean(axis=1))
+    if p.kappa > 0:
+        force -= p.kappa * bending_gradient(r, g, mesh.faces)
     per_area = area_gradient(g, mesh.faces)
     wanted = (model.A0 - g.area) / dt - np.sum(per_area * (v_p + start))
     start = start + wanted / np.sum(per_area**2) * per_area

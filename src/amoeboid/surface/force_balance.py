@@ -9,6 +9,9 @@ stiff shape modes (rate delta_P R0/eta_s); for the tangential motion it would be
 It acts on the difference between the motion in the step and the predicted one, and vanishes in a
 steady state.
 
+*Implicit bending.* The force of bending resists a normal motion by about dt kappa L A^-1 L, in the
+same way: without it, a step would have to be as short as edge^4 eta_s/(kappa R0^2).
+
 *Normal viscosity.* Where the Gaussian curvature is negative, a membrane resists some changes of its
 shape with next to no viscosity. A small additional viscosity that resists gradients of v.n keeps
 their speed finite. Its forces vanish in a steady state, where v.n = 0.
@@ -30,6 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array, Index
+from amoeboid.meshes.bending import BendingStiffness, bending_gradient
 from amoeboid.meshes.geometry import (
     Geometry,
     area_centroid,
@@ -89,14 +93,15 @@ class FactorizedCortex:
     """The factorized operator of the force balance on one shape, for time steps dt.
 
     On the pattern of the mesh: `dissipation` (P, 3, 3) are the blocks of K; `tension` and `damping`
-    (P,) are the implicit tension and the normal viscosity, along `normals` (V, 3). `frame`:
-    rigid motions. `dv_dzeta0` (V, 3): the velocity that a unit of tension drives.
+    (P,) are the implicit tension and the normal viscosity, along `normals` (V, 3), as `bending` is.
+    `frame`: rigid motions. `dv_dzeta0` (V, 3): the velocity that a unit of tension drives.
     """
 
     dt: float
     dissipation: Array
     tension: Array
     damping: Array
+    bending: BendingStiffness | None
     normals: Array
     factor: Factor
     frame: FreeFrame | ResistedFrame
@@ -134,14 +139,22 @@ def factorized_cortex(
     drag = Drag.on(model, g, c)
     if drag is not None:
         matrix[model.diagonal] += drag.of_cortex
-    factor = model.vector_solver.factor(matrix)
+    bending = None
+    if p.kappa > 0:
+        bending, rings = BendingStiffness.on(g, mesh), model.solvers.two_rings
+        wide = rings.added(matrix, dt * p.kappa, bending, g.normals)
+        factor = model.solvers.bending_solver.factor(wide)
+    else:
+        factor = model.vector_solver.factor(matrix)
     force = -tension_force(r, g, mesh.faces).reshape(-1, 1)
     frame: FreeFrame | ResistedFrame
     if drag is None:
         frame, dv_dzeta0 = free_frame(model, factor, r, g, force)
     else:
         frame, dv_dzeta0 = resisted_frame(model, factor, r, g, drag, force)
-    return FactorizedCortex(dt, dissipation, tension, damping, g.normals, factor, frame, dv_dzeta0)
+    return FactorizedCortex(
+        dt, dissipation, tension, damping, bending, g.normals, factor, frame, dv_dzeta0
+    )
 
 
 def force_balance(
@@ -173,6 +186,8 @@ def force_balance(
     if p.has_isotropic_stress:
         # the stress tau(c) I acts like an inhomogeneous tension
         force -= weighted_area_gradient(g, mesh.faces, p.tau(c)[mesh.faces].mean(axis=1))
+    if p.kappa > 0:
+        force -= p.kappa * bending_force(r, g, mesh.faces)
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
         force += block_product(factorized.dissipation, mesh, v_c)
@@ -182,6 +197,8 @@ def force_balance(
     if ahead is not None:
         moved -= np.einsum("vi,vi->v", ahead, g.normals)
     resisted = product(factorized.damping, mesh, v_n) + product(factorized.tension, mesh, moved)
+    if factorized.bending is not None:
+        resisted += p.kappa * factorized.bending.product(moved)
     force -= resisted[:, None] * factorized.normals
     turned = None if turning is None else rotation(turning, r)
     frame = factorized.frame.at(model, r, g, c, v_p, turned)
@@ -193,6 +210,11 @@ def force_balance(
 def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Minus the node forces of a unit of tension (V, 3): the normal part of dA/dr [L]."""
     return normal_force(area_gradient(g, faces), r, g)
+
+
+def bending_force(r: Array, g: Geometry, faces: Index) -> Array:
+    """Minus the node forces of a unit of bending stiffness (V, 3), along the normals [1/L]."""
+    return normal_force(bending_gradient(r, g, faces), r, g)
 
 
 def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
