@@ -97,8 +97,7 @@ def constrained_flow(
 ) -> tuple[Array, float]:
     """Cortex velocity (V, 3) and the tension.
 
-    Without friction the one without mean translation and rotation, with it the one relative to the
-    surroundings.
+    Without mean translation, and without friction without mean rotation.
 
     SI `forcebalance2`, with dA/dr.(v_c + v_p) = (A0 - A)/dt. Raises StepFailed.
     """
@@ -132,8 +131,8 @@ def constrained_flow(
             f"the conjugate gradients stop at a residual force of {found.residual:.3g} after "
             f"{found.iterations} iterations"
         )
-    if drag is not None:  # the velocity relative to the surroundings
-        return found.x, found.multiplier
+    if drag is not None:  # friction tells the rotation
+        return found.x - g.node_areas @ found.x / g.area, found.multiplier
     rigid = rigid_motions(r, g)
     weighted = np.repeat(g.node_areas, 3)[:, None] * rigid
     share = np.linalg.solve(rigid.T @ weighted, weighted.T @ found.x.ravel())

@@ -17,7 +17,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.forces.friction import frame_velocity
 from amoeboid.meshes.geometry import (
     MIN_QUALITY,
     Geometry,
@@ -114,7 +113,7 @@ def semi_implicit_step(
             c = np.maximum(c_new + factor * (c_new - c_before), 0.0)
             g = geometry(r, model.mesh.faces)
         x, r_before, c_before = scaled.unknowns(r, c), r_new, c_new
-    position = _position(model, past.states, t, r_new, c_new, flow)
+    position = _position(model, past.states, t, r_new, flow)
     omega = angular_velocity(model, r_new, c_new, g, flow.v)
     new = State(t, r_new, c_new, zeta0, position, omega)
     check_step(model, past.states[0], new)
@@ -302,22 +301,12 @@ def _concentration(
     raise StepFailed("the concentration would become negative, or is not finite")
 
 
-def _position(
-    model: Model, past: Sequence[State], t: float, r: Array, c: Array, flow: Flow
-) -> Array:
-    """Position of the cell in its surroundings.
-
-    With friction these are where no net force is left, without it the frame in which the mean
-    cortex velocity vanishes.
-    """
+def _position(model: Model, past: Sequence[State], t: float, r: Array, flow: Flow) -> Array:
+    """Position of the cell in the frame in which the mean cortex velocity vanishes."""
     faces, scheme = model.mesh.faces, backward_difference([state.t for state in past], t)
     frames = [state.position - volume_centroid(state.r, faces) for state in past]
-    p = model.parameters
-    if p.has_friction:
-        moved = frame_velocity(p, c, flow.normals, flow.v, flow.v_c, lambda f: flow.node_areas @ f)
-    else:
-        moved = -(flow.node_areas @ flow.v_c / flow.node_areas.sum())
-    frame = scheme.combined(frames) + scheme.dt * moved
+    mean_v_c = flow.node_areas @ flow.v_c / flow.node_areas.sum()
+    frame = scheme.combined(frames) - scheme.dt * mean_v_c
     return np.asarray(frame + volume_centroid(r, faces))
 
 
