@@ -345,7 +345,7 @@ def _laplacian(base: Base, basis: HarmonicBasis, scale: float) -> Array:
 
 @dataclass(frozen=True)
 class Perturbed:
-    """Displacement h, slope and Laplacian, c' and its slope for every unknown, one column each; m/r."""
+    """Displacement h, its slope and Laplacian, c' and its slope, one column an unknown; and m/r."""
 
     h: Array
     h_s: Array

@@ -321,9 +321,9 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
 def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
-    Force balance and transport, without the slack unknowns (the axial force counts with friction), on a grid of `finer` * n points, each
-    in units of its magnitude in that state: pressure plus viscous force, largest c times largest
-    speed over R0.
+    Force balance and transport, without the slack unknowns (the axial force counts with friction),
+    on a grid of `finer` * n points, each in units of its magnitude in that state: pressure plus
+    viscous force, largest c times largest speed over R0.
     """
     point = SteadySystem(state.parameters, state.n, cue=state.cue).point(np.zeros(0))
     return _strong_residual(state.n, state.x, point, finer)

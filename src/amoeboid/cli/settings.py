@@ -182,7 +182,7 @@ def field_table() -> str:
             )
             rows.append(
                 f"  {'stress':24}{'none':18}active isotropic stress beside that of chi and alpha: "
-                "none, or an expression in c"
+                "none, saturating, or an expression in c"
             )
             rows.append(
                 f"  {'law.NAME, stress.NAME':24}{'':18}parameters of their own, as law.n of "

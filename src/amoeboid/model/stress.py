@@ -1,8 +1,8 @@
 """Stresses of the cortex: viscous, elastic, and an active isotropic stress tau(c).
 
 The isotropic stress is (chi - alpha) c: the contractility of myosin, and its opposite, the elastic
-resistance of the paper. To add another active stress, such as a contractility that saturates, write
-a class with a `value`, an expression or a Python function.
+resistance of the paper. `stress` adds any other, such as a contractility that saturates: a class
+with a `value`, an expression or a Python function.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.specified import FromExpression, FromFunction, made
+from amoeboid.validation import number, validate
 
 
 def principal_stresses(
@@ -29,6 +30,9 @@ def principal_stresses(
     """
     isotropic = (stretch_1 + stretch_2) * p.eta_b + tau + zeta0
     return isotropic + stretch_1 * (2 * p.eta_s), isotropic + stretch_2 * (2 * p.eta_s)
+
+
+CONTRACTILITY = "M L^2/(T^2 N)"
 
 
 class Stress(Relation):
@@ -67,7 +71,27 @@ class NoStress(Stress):
         return 0.0
 
 
-NAMED_STRESSES: dict[str, type[Stress]] = {"none": NoStress}
+@dataclass(frozen=True)
+class Saturating(Stress):
+    """tau = chi c/(1 + c/c_s): contractility that motors limit, chi c_s at most.
+
+    >>> float(Saturating(chi=0.3, c_s=2.0).derivatives(2.0, 1.0, 1)[0])
+    0.3
+    """
+
+    chi: float = number(0.0, "contractility per filament where filaments are few", CONTRACTILITY)
+    c_s: float = number(1.0, "concentration at which half of it is left", "N/L^2", gt=0)
+    name = "saturating"
+
+    def __post_init__(self) -> None:
+        validate(self, "stress")
+
+    def value(self, c: Any, c_r: Any) -> Any:
+        """See Stress.value."""
+        return self.chi * c / (1.0 + c / self.c_s)
+
+
+NAMED_STRESSES: dict[str, type[Stress]] = {"none": NoStress, "saturating": Saturating}
 
 
 class CustomStress(FromExpression, Stress):
