@@ -21,9 +21,9 @@ from amoeboid.surface.force_balance import (
     force_balance,
     normal_force,
     pressure_force,
-    rigid_motions,
     tension_force,
 )
+from amoeboid.surface.frame import rigid_motions
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
 from surface.shapes import lumpy, observed_orders
