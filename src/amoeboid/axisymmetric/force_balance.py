@@ -17,6 +17,7 @@ from amoeboid.forces import bending, friction
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.stress import principal_stresses
+from amoeboid.numerics.programs import Symbol
 from amoeboid.validation import InvalidInput
 
 
@@ -58,7 +59,7 @@ def forces(shape: Shape, s: Stress, motion: Motion, axial: Any, p: Any) -> tuple
 
     With friction `axial` is the drag -gamma U on the motion of the frame, U the velocity of the
     cell and gamma a typical friction (`friction.unit`), which acts along the surface and along the
-    normal with its `shares`. Without friction the constant axial force is no physics: a closed
+    normal in the shares of both. Without friction the constant axial force is no physics: a closed
     surface balances it only if it is zero, so as an unknown it takes up the one equation that axial
     equilibrium makes redundant.
     """
@@ -69,11 +70,10 @@ def forces(shape: Shape, s: Stress, motion: Motion, axial: Any, p: Any) -> tuple
     if not p.has_friction:
         return tangential - shape.sin_psi * axial, normal + shape.cos_psi * axial
     along, across = friction.drag(motion.u, motion.v_n, motion.w, motion.c, p)
-    share, normal_share = friction.shares(p)
     carried = axial * friction.density(motion.c, p)
     return (
-        tangential + along - shape.sin_psi * carried * share,
-        normal + across + shape.cos_psi * carried * normal_share,
+        tangential + along - shape.sin_psi * carried * p.share_along,
+        normal + across + shape.cos_psi * carried * p.share_across,
     )
 
 
@@ -121,7 +121,9 @@ def refuse_cue(cue: Any, what: str) -> None:
 
 
 def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:
-    """A function of an array or a Dual, given (f(c), f'(c)) by `derivatives(c, 1)`."""
+    """A function of an array, Dual or Symbol, given (f(c), f'(c)) by `derivatives(c, 1)`."""
+    if isinstance(c, Symbol):
+        return c.relation(derivatives)
     if hasattr(c, "derivatives"):
         return c.map(*derivatives(c.values, 1))
     return derivatives(c, 0)[0]

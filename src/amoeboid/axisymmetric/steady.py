@@ -10,8 +10,9 @@ from the turnover, for beta = 0 it is the conserved number).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,8 @@ from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.unknowns import (
     Fields,
-    differentiable_fields_of,
     fields_of,
+    maps_of,
     resampled,
     split,
     unknown_count,
@@ -42,14 +43,20 @@ from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
-from amoeboid.numerics.derivatives import stacked
+from amoeboid.numerics.jacobians import Equations, recorded
 from amoeboid.numerics.newton import newton
+from amoeboid.numerics.programs import Record, Symbol
 from amoeboid.observables import Measured
 
 MODES = 32
 MAX_MODES = 256
 STRONG = 5e-9
 """Residual of the continuous equations, between the points, up to which a state is resolved."""
+
+
+FRICTION = ("gamma_t", "gamma_n", "gamma_c")
+OPTIONAL = (*FRICTION, "gamma_share", "kappa", "cue")
+"""Parameters whose terms are left out of the equations where they are 0."""
 
 
 @dataclass(frozen=True)
@@ -133,7 +140,7 @@ class SteadySystem:
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""
-        return equations(self.n, fields_of(x, self.n), self.point(q)) / self.row_scales
+        return self._recorded.residual(self._inputs(x, q), np.result_type(x, q)) / self.row_scales
 
     def jacobian(self, x: Array, q: Array) -> Array:
         """Its exact derivative to x, shape (3 n + 3, 3 n + 3)."""
@@ -141,8 +148,21 @@ class SteadySystem:
 
     def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]:
         """Both at once."""
-        f = equations(self.n, differentiable_fields_of(x, self.n), self.point(q))
-        return f.values / self.row_scales, f.derivatives / self.row_scales[:, None]
+        kind = np.result_type(x, q)
+        return self._recorded.residual_and_jacobian(self._inputs(x, q), self.row_scales, kind)
+
+    @cached_property
+    def _recorded(self) -> Equations:
+        return recorded_equations(self.n, self._present)
+
+    @cached_property
+    def _present(self) -> frozenset[str]:
+        """The names of `OPTIONAL` that count: those that are not 0, or may change."""
+        values = ((name, getattr(self._parameters, name, 0.0)) for name in OPTIONAL)
+        return frozenset(name for name, value in values if value != 0 or name in self.names)
+
+    def _inputs(self, x: Array, q: Array) -> Inputs:
+        return Inputs(fields_of(x, self.n), self.point(q))
 
     def resolved(self, x: Array, q: Array) -> bool:
         """Whether x solves the continuous equations at q, not only the discrete ones."""
@@ -159,23 +179,65 @@ class SteadySystem:
         return resampled(x, self.n, 2 * self.n)
 
 
-def equations(n: int, f: Fields, p: Any) -> Any:
-    """Residual of the steady problem: force balance, transport, closure, area, filament number."""
+def equations(n: int, f: Fields, p: Any) -> list[Any]:
+    """Residuals of the steady problem: force balance, transport, closure, area, filament number."""
     s = shape(grid(n), f.psi, f.psi_slope, f.scale)
-    w = -speed(s, f.c, p)
-    motion = Motion(f.u, w * 0.0, w, f.c)
-    tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), motion, f.axial, p)
+    return equations_on(s, speed(s, f.c, p), f, p)
+
+
+def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
+    """The same on a shape, with the polymerization speed there."""
+    motion = Motion(f.u, 0.0, -v_p, f.c)
+    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), motion, f.axial, p)
     area = 4 * np.pi * p.R0**2
-    return stacked(
-        [
-            tangential,
-            normal,
-            transport(s, f.c, f.u, p) + f.source,
-            s.gap,
-            s.area - area,
-            s.surface_integral(f.c) - p.c0 * area,
-        ]
-    )
+    return [
+        tangential,
+        normal,
+        transport(s, f.c, f.u, p) + f.source,
+        s.gap,
+        s.area - area,
+        s.surface_integral(f.c) - p.c0 * area,
+    ]
+
+
+@lru_cache(maxsize=16)
+def recorded_equations(n: int, present: frozenset[str]) -> Equations:
+    """`equations` as a program with its derivatives; the same object each time.
+
+    Those of `OPTIONAL` that are not `present` are 0.
+    """
+
+    def function(fields: Mapping[str, Any], record: Record) -> list[Any]:
+        return equations(n, Fields(**fields), _Recorded(record, present))
+
+    return recorded(function, n, unknown_count(n), maps_of(n))
+
+
+class Inputs:
+    """What a recorded program is given: fields and parameters by their names."""
+
+    def __init__(self, f: Fields, p: Any) -> None:
+        self._f, self._p = f, p
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self._f, name) if hasattr(self._f, name) else getattr(self._p, name)
+
+
+class _Recorded:
+    """Parameters as inputs of a program, each by its name."""
+
+    def __init__(self, record: Record, present: frozenset[str]) -> None:
+        self._record, self._present = record, present
+
+    def __getattr__(self, name: str) -> Symbol | float:
+        if name in OPTIONAL and name not in self._present:
+            return 0.0
+        return self._record.input(name)
+
+    @property
+    def has_friction(self) -> bool:
+        """See Material.has_friction."""
+        return not self._present.isdisjoint(FRICTION)
 
 
 @dataclass(frozen=True)
@@ -336,7 +398,8 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     if not p.has_friction:
         x[-2] = 0.0
     f = fields_of(x, m)
-    v_p = speed(shape(grid(m), f.psi, f.psi_slope, f.scale), f.c, p)
+    s = shape(grid(m), f.psi, f.psi_slope, f.scale)
+    v_p = speed(s, f.c, p)
     fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
     most = np.abs(f.c).max()
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
@@ -344,4 +407,4 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     force += friction.unit(p) * fastest + p.kappa / p.R0**3
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
-    return float(np.max(np.abs(equations(m, f, p)) / units))
+    return float(np.max(np.abs(np.concatenate(equations_on(s, v_p, f, p))) / units))

@@ -39,12 +39,6 @@ def drag(u: Any, v_n: Any, w: Any, c: Any, p: Any) -> tuple[Any, Any]:
     )
 
 
-def shares(p: Any) -> tuple[Any, Any]:
-    """Friction along the surface and along the normal in units of their `unit`."""
-    one = unit(p)
-    return (p.gamma_t + p.gamma_c) / one, (p.gamma_n + p.gamma_c) / one
-
-
 def unit(p: Any) -> Any:
     """gamma_t + gamma_n + gamma_c: a typical friction [M/(L^2 T)]."""
     return p.gamma_t + p.gamma_n + p.gamma_c

@@ -108,6 +108,18 @@ class Material:
         """Whether the surroundings resist the motion of the cell; `forces.friction`."""
         return bool(self.gamma_t or self.gamma_n or self.gamma_c)
 
+    @property
+    def share_along(self) -> Any:
+        """Friction along the surface in units of gamma_t + gamma_n + gamma_c; 1 without any."""
+        total = self.gamma_t + self.gamma_n + self.gamma_c
+        return (self.gamma_t + self.gamma_c) / total if total else 1.0
+
+    @property
+    def share_across(self) -> Any:
+        """The same along the normal."""
+        total = self.gamma_t + self.gamma_n + self.gamma_c
+        return (self.gamma_n + self.gamma_c) / total if total else 1.0
+
 
 class ParameterPoint(Material):
     """Parameters as plain attributes, unchecked; some may be complex."""

@@ -348,6 +348,7 @@ SYMBOLS = {
     "gamma_t": r"friction along the surface $\gamma_t$",
     "gamma_n": r"friction along the normal $\gamma_n$",
     "gamma_c": r"friction of the cortex $\gamma_c$",
+    "gamma_share": "share of the friction that follows $c$",
     "max_retrograde_speed": "maximal retrograde speed $v_0$",
 }
 
