@@ -239,6 +239,9 @@ def main(source, first, count):
                 whole += used(folder, Path(place) / "out") > 0
             except am.InvalidInput:
                 pass
+            except OSError as error:  # in the way of a file stands a folder: told in a line too
+                if error.errno is None or error.filename is None:
+                    print(f"seed {seed}, {how}: {error!r}")
             except Exception:
                 print(f"seed {seed}, {how}: {traceback.format_exc(limit=-4)}")
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024

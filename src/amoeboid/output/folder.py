@@ -7,6 +7,7 @@
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
     checkpoint.npz       what `--resume` goes on from
+    .lock                while a process writes to the folder, see `amoeboid.output.lock`
 
 Files are written under a temporary name and renamed, so that a killed run leaves none of them
 half-written. Time series and list of frames grow in place by what is new, at a cost that does not
@@ -123,7 +124,9 @@ class RunFolder:
         What a run that was killed left half-written is removed. From here on until the end of the
         run, no other process may begin in this folder: raises InvalidInput where one has.
         """
-        within(self.folder, "frames")
+        frames = within(self.folder, "frames")
+        if frames.exists() and not frames.is_dir():
+            raise InvalidInput(f"{str(frames)!r} must be a folder, or not be there; remove it")
         self._lock.take()
         remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
