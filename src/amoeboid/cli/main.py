@@ -27,6 +27,7 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "motility": "migration velocity in a fluid, a matrix, on substrates and in channels",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 
