@@ -59,6 +59,7 @@ _LAYOUT: dict[str, tuple[type[np.generic], tuple[int | str, ...]]] = {
 }
 
 
+ARCHIVE = b"PK\x03\x04"  # how an archive begins
 MAX_ARRAY = 2**26  # bytes, more than any array of the largest mesh takes
 
 
@@ -170,7 +171,9 @@ def _require(holds: bool | np.bool_, rule: str, found: object) -> None:
 
 def _arrays(path: Path) -> dict[str, Array]:
     """Whatever arrays a file holds."""
-    if not is_zipfile(path):
+    with path.open("rb") as file:
+        begins = file.read(len(ARCHIVE)) == ARCHIVE
+    if not begins or not is_zipfile(path):
         raise InvalidInput("its checkpoint is no archive of arrays (.npz)")
     try:
         with ZipFile(path) as archive:
