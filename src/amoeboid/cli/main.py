@@ -25,6 +25,7 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "sweep": "a solver at many points of parameters, in parallel, with all answers in one table",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

@@ -10,14 +10,14 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.display import html_picture, html_table, plotted, shown
 from amoeboid.model.parameters import Parameters
+from amoeboid.observables import observed
+from amoeboid.observables import units as units_of
 from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import POSITION, STEP_UNITS
 from amoeboid.simulation.timeseries import column as column_of
-from amoeboid.observables import observed
-from amoeboid.observables import units as units_of
 from amoeboid.studies.columns import Column, column, dataset, frame, quantity
 from amoeboid.studies.recorded import Recorded, along, optional, single, title
 from amoeboid.validation import InvalidInput

@@ -198,13 +198,18 @@ class Branch:
         special = {
             f"threshold_{self.name}": ("threshold_number", self.origins),
             f"fold_{self.name}": ("fold_number", [s.number for s in self.folds]),
-            f"bifurcation_{self.name}": ("bifurcation_number", [s.number for s in self.bifurcations]),
+            f"bifurcation_{self.name}": (
+                "bifurcation_number",
+                [s.number for s in self.bifurcations],
+            ),
         }
         found = single(p, {"n_folds": (len(self.folds), None)})
         for name, (dim, numbers) in special.items():
             found |= along(dim, {name: column(p, np.array(numbers, dtype=float), dimension)})
         modes = [-1 if s.m is None else s.m for s in self.bifurcations]
-        found |= optional(along("bifurcation_number", {"bifurcation_m": Column(np.array(modes), "")}))
+        found |= optional(
+            along("bifurcation_number", {"bifurcation_m": Column(np.array(modes), "")})
+        )
         return found | along("branch_point", self.columns)
 
     def plot(self, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:

@@ -1,7 +1,6 @@
 """A sweep's folder: what is done, so that it is not done again.
 
     sweep.json           what is computed: solver, base, points, units, versions
-    sweep.toml           the file of `amoeboid sweep`, if the sweep was made from one
     results/*.jsonl      one line a point, and lines that say what the names in them mean
     sweep.nc             the table, once the sweep is finished or merged
 
@@ -36,9 +35,7 @@ except ImportError:  # without it nobody notices two processes on one folder
     fcntl = None  # type: ignore[assignment]
 
 FORMAT, VERSION = "amoeboid sweep", 1
-MANIFEST, DOCUMENT, TABLE, LOCK, RESULTS = (
-    "sweep.json", "sweep.toml", "sweep.nc", ".lock", "results",
-)  # fmt: skip
+MANIFEST, TABLE, LOCK, RESULTS = "sweep.json", "sweep.nc", ".lock", "results"
 SYNCED = 1.0  # seconds after which lines are surely on the disk
 LARGEST_LINE = 100_000_000  # characters
 BLOCK = 65536  # bytes
@@ -87,7 +84,7 @@ class SweepFolder:
         if not begun and self.path.exists():
             strange = [
                 p.name for p in self.path.iterdir()
-                if p.name not in (LOCK, RESULTS, DOCUMENT) and not PARTIAL.fullmatch(p.name)
+                if p.name not in (LOCK, RESULTS) and not PARTIAL.fullmatch(p.name)
             ]  # fmt: skip
             if strange:
                 raise InvalidInput(

@@ -13,7 +13,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from numbers import Integral, Real
+from numbers import Integral
 from typing import Any
 
 import numpy as np
@@ -251,7 +251,7 @@ def axis(base: Base, name: str, values: Any) -> tuple[Any, ...]:
     """
     if isinstance(values, Mapping):
         return _spaced(base, name, values)
-    if isinstance(values, str) or not isinstance(values, Iterable) or np.ndim(values) == 0:
+    if isinstance(values, str) or not hasattr(values, "__len__"):
         raise InvalidInput(
             f"the values of {name} must be a list, or {{'linspace': [first, last, count]}}, got "
             f"{values!r:.100}; a single one belongs to the base"
@@ -299,11 +299,11 @@ def _range(base: Base, name: str, given: Any) -> tuple[float, float]:
 
 def _ends(base: Base, name: str, kind: str, entry: Sequence[Any]) -> tuple[float, float]:
     first, last = (_value(base, name, value) for value in entry)
-    if not (isinstance(first, Real) and isinstance(last, Real)) or first == last:
+    if not (isinstance(first, float) and isinstance(last, float)) or first == last:
         raise InvalidInput(f"the ends of {name} must be two numbers that differ, got {entry!r}")
     if kind == "logspace" and not (first > 0 and last > 0):
         raise InvalidInput(f"the ends of a logspace of {name} must be > 0, got {entry!r}")
-    return float(first), float(last)
+    return first, last
 
 
 def _spacing(values: Any) -> str:
@@ -312,8 +312,8 @@ def _spacing(values: Any) -> str:
         return "linspace"
     if len(values) != 1 or not values.keys() <= set(SPACINGS):
         raise InvalidInput(
-            f"a range must be {{'linspace': [first, last, count]}} or the same with 'logspace', got "
-            f"{dict(values)!r:.100}"
+            f"a range must be {{'linspace': [first, last, count]}} or the same with 'logspace', "
+            f"got {dict(values)!r:.100}"
         )
     return str(next(iter(values)))
 

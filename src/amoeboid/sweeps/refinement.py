@@ -36,7 +36,9 @@ class Refinement:
     depth: int
 
     def __repr__(self) -> str:
-        return f"Refinement({self.grid!r} where {', '.join(self.label)} changes, {self.depth} times)"
+        return (
+            f"Refinement({self.grid!r} where {', '.join(self.label)} changes, {self.depth} times)"
+        )
 
     @property
     def step(self) -> int:
@@ -113,7 +115,7 @@ def refine(grid: Points, label: str | Sequence[str], *, depth: int = 3) -> Refin
 
     >>> import amoeboid as am
     >>> coarse = am.grid(D=[0.1, 0.2, 0.3], v_p0=[4, 5, 6])
-    >>> found = am.sweep(am.refine(coarse, "bifurcation", depth=2), am.theory)
+    >>> found = am.sweep(am.refine(coarse, "value", depth=2), lambda p: p.v_p0 > 18 * p.D + 1)
     >>> len(coarse), len(found)
     (9, 45)
     """

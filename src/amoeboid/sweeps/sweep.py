@@ -21,8 +21,8 @@ from amoeboid.output.versions import installed_versions
 from amoeboid.sweeps.evaluation import FAILED, Meanings, Solver, failure, joined
 from amoeboid.sweeps.execution import Parallel, run_serially
 from amoeboid.sweeps.folder import FORMAT, TABLE, VERSION, SweepFolder
-from amoeboid.sweeps.points import Base, Points, changed, listed
-from amoeboid.sweeps.refinement import Place, Refinement
+from amoeboid.sweeps.points import Base, Points, listed
+from amoeboid.sweeps.refinement import Refinement
 from amoeboid.sweeps.result import Sweep
 from amoeboid.sweeps.table import Layout, check_netcdf, layout
 from amoeboid.terminal import shown_line
@@ -85,7 +85,7 @@ def sweep(
     place = None if folder is None else Path(folder)
     if place is not None and part == WHOLE:
         check_netcdf()
-    first = points if isinstance(points, Points) else plan.grid if plan else listed(points)
+    first = _points(points)
     names = None if record is None else tuple([record] if isinstance(record, str) else record)
     run = _Run(
         Solver(_checked(solver), names, first.names),
@@ -100,6 +100,13 @@ def sweep(
     if place is not None and part == WHOLE:
         found.save(place / TABLE)
     return found
+
+
+def _points(given: Points | Refinement | Iterable[Any]) -> Points:
+    """The points that are computed first."""
+    if isinstance(given, Refinement):
+        return given.grid
+    return given if isinstance(given, Points) else listed(given)
 
 
 class _Run:
@@ -157,7 +164,7 @@ class _Run:
         if impossible:
             take(impossible, [failure(str(cells[k])) for k in impossible], {})
         possible = [k for k in todo if not isinstance(cells[k], InvalidInput)]
-        if possible and self.how is None:
+        if self.how is None:
             run_serially(self.solver, cells, possible, take)
         elif possible:
             Parallel(self.solver, cells, take, **self.how).run(possible)
@@ -231,7 +238,7 @@ def _refined(run: _Run, plan: Refinement, report: Report) -> Sweep:
 
 def _labels(plan: Refinement, found: Sweep) -> list[Any]:
     """The labels of points; None for those that failed. Raises InvalidInput."""
-    labels = []
+    labels: list[Any] = []
     for row in found.rows:
         read = json.loads(row or "{}")
         values = read.get("values")
@@ -302,9 +309,7 @@ def _checked(solver: Any) -> Callable[..., Any]:
     return solver
 
 
-def _checked_executor(
-    executor: Any, workers: Any, points_per_task: Any
-) -> dict[str, Any] | None:
+def _checked_executor(executor: Any, workers: Any, points_per_task: Any) -> dict[str, Any] | None:
     """The arguments of `Parallel`; None for one point after the other. Raises InvalidInput."""
     for name, count in (("workers", workers), ("points_per_task", points_per_task)):
         whole = isinstance(count, Integral) and not isinstance(count, bool)

@@ -102,15 +102,15 @@ class Column:
     meaning: Meaning
 
 
-def columns(
-    layout: Layout, rows: Sequence[str | None], meanings: Meanings
-) -> dict[str, Column]:
+def columns(layout: Layout, rows: Sequence[str | None], meanings: Meanings) -> dict[str, Column]:
     """All that is recorded, by name: `status`, `why` and `warnings` first.
 
     Numbers are NaN, and texts empty, where a point has none. Names are in the order of the points
     that have them, whatever order these were computed in.
     """
-    read = [{"status": MISSING} if row is None else json.loads(row) for row in rows]
+    read: list[dict[str, Any]] = [
+        {"status": MISSING} if row is None else json.loads(row) for row in rows
+    ]
     found = {name: _own(layout, name, read) for name in OWN_NAMES}
     names = dict.fromkeys(name for row in read for name in row.get("values", ()))
     sizes: dict[str, int] = {}
