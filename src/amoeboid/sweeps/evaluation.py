@@ -194,12 +194,7 @@ def _entry(name: str, value: Any) -> Recorded:
         value, unit = value.magnitude, f"{value.units:~}"
     if value is None or isinstance(value, str):
         return Recorded(value, unit)
-    found = np.asarray(value)
-    if found.dtype.kind not in "biufUO" or (found.dtype.kind == "O" and found.ndim == 0):
-        raise InvalidInput(
-            "a solver must give real numbers, texts, arrays of them, a dict of those, or a result "
-            f"of this package, got {type(value).__name__} for {name!r}"
-        )
+    found = np.array(value, dtype=object)  # which keeps numbers and texts apart
     dims = tuple(f"{name}_{letter}" for letter in "ijkl"[: found.ndim])
     return Recorded(found.tolist(), unit, "", dims)
 
@@ -238,7 +233,10 @@ def _written(name: str, entry: Recorded) -> tuple[Any, str]:
             kinds.add(NUMBER)
             number = float(value)
             return number if math.isfinite(number) else _without_number(number)
-        raise InvalidInput(f"{name!r} must be made of real numbers or texts, got {value!r:.100}")
+        raise InvalidInput(
+            f"a solver must give real numbers, texts, arrays of them, a dict of those, or a result "
+            f"of this package, got {type(value).__name__} for {name!r}"
+        )
 
     found = written(entry.values, 0)
     if len(kinds) > 1:
