@@ -4,6 +4,7 @@ import functools
 import multiprocessing
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,9 +111,11 @@ def test_futures_of_other_kinds_serve_as_well():
     assert same(am.sweep(POINTS, solvers.square, executor=Jobs(), points_per_task=10))
 
 
-def test_submitit_runs_a_sweep(tmp_path):
+@pytest.mark.slow
+def test_submitit_runs_a_sweep(tmp_path, monkeypatch):
     submitit = pytest.importorskip("submitit", reason="submitit is not installed")
-    jobs = submitit.AutoExecutor(folder=tmp_path, cluster="debug")
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    jobs = submitit.AutoExecutor(folder=tmp_path, cluster="local")
     points = am.grid(v_p0=[1, 2, 3])
     assert same(am.sweep(points, solvers.square, executor=jobs, points_per_task=2), points)
 

@@ -48,6 +48,7 @@ class SweepFolder:
         self.path = path
         self.rows: dict[str, str] = {}
         self.meanings: Meanings = {}
+        self._told: Meanings = {}  # those that our own file tells: each file explains itself
         self._file: FileIO | None = None
         self._size, self._synced, self._code = 0, 0.0, ""
 
@@ -98,7 +99,7 @@ class SweepFolder:
     def _begin(self, file: Path, manifest: Mapping[str, Any]) -> None:
         if not (self.path / MANIFEST).exists():
             self.tell(manifest)
-        self.read(str(manifest["code"]))
+        self.read(str(manifest["code"]), file)
         file.touch()
         self._file = file.open("r+b", buffering=0)
         self._size = _whole_size(self._file)
@@ -111,17 +112,18 @@ class SweepFolder:
         if not path.is_file() or text_of(path) != text:
             write_text(path, text)
 
-    def read(self, code: str) -> None:
+    def read(self, code: str, own: Path | None = None) -> None:
         """Read what is done, in all files; what is whole counts.
 
-        Names mean what they do in the results of this code.
+        Names mean what they do in the results of this code; `own` is the file that grows.
         """
         self._code = code
         for path in sorted((self.path / RESULTS).glob("*.jsonl")):
+            told = self._told if path == own else {}
             for line in _lines(path):
-                self._take(line)
+                self._take(line, told)
 
-    def _take(self, line: str) -> None:
+    def _take(self, line: str, told: Meanings) -> None:
         try:
             found = json.loads(line)
         except (ValueError, RecursionError):
@@ -131,24 +133,18 @@ class SweepFolder:
         key = found.get("key")
         if isinstance(found.get("meanings"), dict) and found.get("code") == self._code:
             with suppress(TypeError, ValueError, KeyError):
-                self._learn({n: _meaning(m) for n, m in found["meanings"].items()})
+                read = {n: _meaning(m) for n, m in found["meanings"].items()}
+                _learn(self.meanings, read)
+                _learn(told, read)
         elif isinstance(key, str) and found.get("status") in STATUSES:
             failed_now = found["status"] == FAILED
             if not failed_now or key not in self.rows or status_of(self.rows[key]) == FAILED:
                 self.rows[key] = line
 
-    def _learn(self, meanings: Meanings) -> Meanings:
-        """Take up what names mean; those that say something new."""
-        new = {}
-        for name, meaning in meanings.items():
-            whole = joined(name, self.meanings.get(name), meaning)
-            if whole != self.meanings.get(name):
-                new[name] = self.meanings[name] = whole
-        return new
-
     def add(self, rows: Mapping[str, str], meanings: Meanings) -> None:
         """Take up lines of points, for good: {key: line}. Raises OSError for a full disk."""
-        new = self._learn(meanings)
+        _learn(self.meanings, meanings)
+        new = _learn(self._told, meanings)
         told = {name: asdict(meaning) for name, meaning in new.items()}
         lines = [json.dumps({"code": self._code, "meanings": told})] if told else []
         keyed = {key: f'{{"key":{json.dumps(key)},{row[1:]}' for key, row in rows.items()}
@@ -199,6 +195,16 @@ class SweepFolder:
             )
             return False
         return True
+
+
+def _learn(known: Meanings, meanings: Meanings) -> Meanings:
+    """Take up what names mean; those that say something new. Raises InvalidInput."""
+    new = {}
+    for name, meaning in meanings.items():
+        whole = joined(name, known.get(name), meaning)
+        if whole != known.get(name):
+            new[name] = known[name] = whole
+    return new
 
 
 def status_of(line: str) -> str:

@@ -121,7 +121,7 @@ def refine(grid: Points, label: str | Sequence[str], *, depth: int = 3) -> Refin
     """
     if not isinstance(grid, Points) or not grid.axes:
         raise InvalidInput(f"refine takes a grid, as amoeboid.grid makes it, got {grid!r:.100}")
-    names = (label,) if isinstance(label, str) else tuple(label)
+    names = tuple(label) if isinstance(label, list | tuple) else (label,)
     if not names or not all(isinstance(name, str) for name in names):
         raise InvalidInput(f"label must be a name, or several, got {label!r:.100}")
     if isinstance(depth, bool) or not isinstance(depth, Integral) or not 1 <= depth <= MAX_DEPTH:
