@@ -70,6 +70,9 @@ def objects(tmp_path_factory):
         "fold": branch.folds[0],
         "phase diagram": am.phase_diagram(P, "D", 0.3, 0.4, speeds=(5.0, 5.6), columns=2, rows=2),
         "theory": am.theory(CELL),
+        "grid": am.grid(OWN, D=[0.1, 0.2], **{"law.n": [1, 2]}),
+        "refinement": am.refine(am.grid(D=[0.1, 0.2]), "value"),
+        "sweep": am.sweep(am.grid(P, D=[0.1, -0.2]), am.theory),
         "growth rate": am.growth_rate(P, l=1),
         "thresholds": am.thresholds(P),
         "points": am.points(P, v_p0=np.linspace(5, 7, 1000)),
@@ -77,6 +80,18 @@ def objects(tmp_path_factory):
         "observables": am.OBSERVABLES["c_rear"],
         "observed": am.observed(sol.final.cell),
         "cell": sol.final.cell,
+        "migration": am.migrate(sol.final, "fluid:coupled=0.5+patch:30"),
+        "physical migration": am.migrate(physical.final, am.Fluid("0.7 mPa s")),
+        "measured cell": am.MeasuredCell(sol.final.r, sol.final.faces, sol.final.v),
+        "environments": (
+            am.Fluid(),
+            am.Matrix(1.0, 2.0, per_filament=True),
+            am.Patch(30),
+            am.Plates(20.0),
+            am.Channel(10),
+            am.CortexDrag(),
+        ),
+        "mixed environment": am.Mixed(am.Fluid(coupled=0.2), am.Patch(20, axis=(1, 0, 0))),
     }
 
 

@@ -192,4 +192,4 @@ def write_netcdf(table: Any, path: Path) -> None:
 def check_netcdf() -> None:
     """Raise InvalidInput where a package that NetCDF needs is missing."""
     for package in ("xarray", "h5netcdf"):
-        needed(package, "[sweep]")
+        needed(package)
