@@ -108,9 +108,9 @@ def grid(base: Base | None = None, **vary: Any) -> Points:
     `amoeboid.sweeps.points`. Raises InvalidInput.
 
     >>> import amoeboid as am
-    >>> am.grid(am.Parameters(D=0.4), v_p0=[4, 5, 6], delta_P={"logspace": [10, 1000, 3]})
-    Points(9 points (3 x 3), v_p0 4 to 6, delta_P 10 to 1000; base D = 0.4, v_p0 = 3.8, all else \
-as in the paper's table)
+    >>> points = am.grid(am.Parameters(D=0.4), v_p0=[4, 5, 6], delta_P={"logspace": [10, 1000, 3]})
+    >>> points.dims, points.shape, points.cell(8)
+    (('v_p0', 'delta_P'), (3, 3), Parameters(delta_P=1000.0, D=0.4, v_p0=6.0))
     """
     start = _base(base, vary)
     axes = {name: axis(start, name, values) for name, values in vary.items()}
@@ -155,9 +155,9 @@ def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -
     The first points of a longer sequence with the same seed are the same. Raises InvalidInput.
 
     >>> import amoeboid as am
-    >>> am.sobol(100, seed=1, D=(0.1, 0.6), v_p0=(4, 8))
-    Points(100 points, D 0.10224 to 0.595849, v_p0 4.01586 to 7.98679; base D = 0.03, v_p0 = 3.8, \
-all else as in the paper's table)
+    >>> points = am.sobol(100, seed=1, D=(0.1, 0.6), v_p0=(4, 8))
+    >>> len(points), 0.1 < points.cell(99).D < 0.6
+    (100, True)
     """
     from scipy.stats import qmc
 

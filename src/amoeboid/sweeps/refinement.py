@@ -117,7 +117,7 @@ def refine(grid: Points, label: str | Sequence[str], *, depth: int = 3) -> Refin
     >>> coarse = am.grid(D=[0.1, 0.2, 0.3], v_p0=[4, 5, 6])
     >>> found = am.sweep(am.refine(coarse, "value", depth=2), lambda p: p.v_p0 > 18 * p.D + 1)
     >>> len(coarse), len(found)
-    (9, 45)
+    (9, 47)
     """
     if not isinstance(grid, Points) or not grid.axes:
         raise InvalidInput(f"refine takes a grid, as amoeboid.grid makes it, got {grid!r:.100}")
