@@ -23,6 +23,10 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.fitting.fit import fit
+    from amoeboid.fitting.measurements import Measurements, measurements
+    from amoeboid.fitting.result import Fit
+    from amoeboid.fitting.synthetic import synthetic
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
@@ -58,6 +62,7 @@ _HOMES = {
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
     "Exponential": "model.polymerization",
+    "Fit": "fitting.result",
     "Flow": "surface.state",
     "Icosphere": "runs.meshes",
     "Initial": "config",
@@ -66,6 +71,7 @@ _HOMES = {
     "Inverse": "model.polymerization",
     "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
+    "Measurements": "fitting.measurements",
     "Mesh": "config",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
@@ -92,8 +98,10 @@ _HOMES = {
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "figures": "figures",
+    "fit": "fitting.fit",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
+    "measurements": "fitting.measurements",
     "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
@@ -110,6 +118,7 @@ _HOMES = {
     "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
+    "synthetic": "fitting.synthetic",
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -126,6 +135,7 @@ __all__ = [
     "Custom",
     "Diverged",
     "Exponential",
+    "Fit",
     "Flow",
     "Icosphere",
     "Initial",
@@ -134,6 +144,7 @@ __all__ = [
     "Inverse",
     "Kymograph",
     "Law",
+    "Measurements",
     "Mesh",
     "Model",
     "Observable",
@@ -159,8 +170,10 @@ __all__ = [
     "config_to_toml",
     "evolve",
     "figures",
+    "fit",
     "growth_rate",
     "load",
+    "measurements",
     "observable",
     "observed",
     "parameters_from_toml",
@@ -177,6 +190,7 @@ __all__ = [
     "steady_state",
     "steady_states",
     "steps",
+    "synthetic",
     "theory",
     "thresholds",
     "time",

@@ -25,6 +25,7 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "fit": "parameters of a cell from measured profiles of flow and concentration, with errors",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

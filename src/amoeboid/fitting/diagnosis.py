@@ -44,9 +44,7 @@ def undetermined(found: Fit) -> tuple[Combination, ...]:
     combinations = [_exact(unknowns, direction) for direction in exact]
     known = found.sensitivity
     open_ = known.deviations > UNDETERMINED
-    for direction, deviation in zip(
-        known.directions[open_], known.deviations[open_], strict=True
-    ):
+    for direction, deviation in zip(known.directions[open_], known.deviations[open_], strict=True):
         rest = direction - _projection(exact, direction)
         if np.linalg.norm(rest) > 0.5:
             combinations.append(_weak(found, direction, float(deviation)))

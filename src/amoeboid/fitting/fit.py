@@ -8,19 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid import display
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.fitting.diagnosis import problems, undetermined
-from amoeboid.fitting.followed import FollowedState, polarized
+from amoeboid.fitting.followed import FollowedState
 from amoeboid.fitting.measurements import Measurements, measurements
 from amoeboid.fitting.problem import Point, Problem, solved, targets_of
 from amoeboid.fitting.result import Fit
+from amoeboid.fitting.synthetic import polarized_state
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.numerics.least_squares import Minimum
 from amoeboid.studies.columns import text, value_of
-from amoeboid.studies.states import steady_states
-from amoeboid.studies.theory import theory
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -72,7 +70,7 @@ def fit(
     base = _base(found, start)
     names = _names(base, free)
     _check_options(theta_from, starts, seed)
-    state = _first_state(base, names)
+    state = polarized_state(base, names)
     mirrors = (False, True) if theta_from == UNKNOWN else (False,)
     solutions = [
         _solution(found, base, names, state, bounds or {}, mirrored, starts, seed, watch)
@@ -130,20 +128,6 @@ def _check_options(theta_from: Any, starts: Any, seed: Any) -> None:
             raise InvalidInput(f"{name} must be a whole number >= {least}, got {value!r}")
 
 
-def _first_state(p: Parameters, names: tuple[str, ...]) -> FollowedState:
-    """The stable polarized state of the start. Raises InvalidInput without one."""
-    states = steady_states(p, (1,))
-    for state in reversed(states.states):
-        if polarized(state.solution) and state.stable:
-            return FollowedState(p, names, np.zeros(len(names)), state.solution)
-    threshold = theory(p).threshold
-    known = "" if threshold is None else f" (threshold {display.shown(threshold)})"
-    raise InvalidInput(
-        f"start must have a stable polarized steady state, v_p0 = {text(p, p.v_p0, 'L/T')} has "
-        f"none{known}; start from a larger v_p0 or a smaller D"
-    )
-
-
 def _solution(
     data: Measurements,
     base: Parameters,
@@ -191,7 +175,9 @@ def _solution(
     return Fit(data, problem, best, unknowns, tuple(others))
 
 
-def _scattered(problem: Problem, best: Minimum[Point], generator: np.random.Generator) -> Point | None:
+def _scattered(
+    problem: Problem, best: Minimum[Point], generator: np.random.Generator
+) -> Point | None:
     """A random point around the best one where there is a state; None if none is found."""
     change = SCATTER * generator.standard_normal(best.point.y.size)
     for share in SHORTER:

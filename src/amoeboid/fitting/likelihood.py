@@ -99,8 +99,6 @@ def _next(below: tuple[float, float], above: tuple[float, float], rise: float) -
     return a + share * (b - a)
 
 
-
-
 def rises(problem: Problem, best: Point, k: int) -> list[float | None]:
     """How chi2 of the profile of y_k rises one standard error below and above; quadratic: 1, 1.
 

@@ -138,7 +138,9 @@ def _known() -> tuple[str, ...]:
     return (*PROFILES, *observed.names())
 
 
-def _dimension(name: str) -> str | None:
+def dimension_of(name: str) -> str | None:
+    """The dimension of a quantity that can be measured. Raises InvalidInput for another name."""
+    refuse_unknown([name], _known(), "quantity that can be measured")
     return PROFILES[name] if name in PROFILES else observed.dimension(name)
 
 
@@ -173,17 +175,17 @@ def _columns(found: Table) -> dict[str, Column]:
             )
         if name == THETA and column.unit not in ANGLES:
             raise found.problem(
-                None, column.heading, f"must be headed theta [deg] or theta [rad], got {name!r} "
-                f"with the unit {column.unit!r}"
+                None,
+                column.heading,
+                f"must be headed theta [deg] or theta [rad], got {name!r} "
+                f"with the unit {column.unit!r}",
             )
     return {column.name: column for column in found.columns}
 
 
-def _quantity(
-    found: Table, by_name: Mapping[str, Column], name: str, theta_from: str
-) -> Quantity:
+def _quantity(found: Table, by_name: Mapping[str, Column], name: str, theta_from: str) -> Quantity:
     column, errors_of = by_name[name], by_name.get(f"{name}{ERROR}")
-    dimension = _dimension(name)
+    dimension = dimension_of(name)
     unit = _unit(found, column, name, dimension)
     if errors_of is not None and errors_of.unit != column.unit:
         raise found.problem(
@@ -202,8 +204,10 @@ def _quantity(
             theta.append(_angle(found, by_name[THETA], row, theta_from))
     if errors_of is None and name not in PROFILES and values:
         raise found.problem(
-            None, column.heading, f"must stand beside a column {name}{ERROR}: the error of a few "
-            "numbers cannot be estimated from their residuals; add it"
+            None,
+            column.heading,
+            f"must stand beside a column {name}{ERROR}: the error of a few "
+            "numbers cannot be estimated from their residuals; add it",
         )
     return Quantity(
         name,
@@ -221,8 +225,10 @@ def _error(found: Table, column: Column, row: int) -> float:
     if error is None or error <= 0:
         got = "nothing" if error is None else f"{error:g}"
         raise found.problem(
-            row, column.heading, f"must be a standard deviation > 0 beside a value, got {got}; "
-            "leave out the whole column if errors are unknown"
+            row,
+            column.heading,
+            f"must be a standard deviation > 0 beside a value, got {got}; "
+            "leave out the whole column if errors are unknown",
         )
     return error
 
@@ -233,8 +239,10 @@ def _angle(found: Table, column: Column, row: int, theta_from: str) -> float:
     if value is None or not -1e-9 <= value * size <= np.pi + 1e-9:
         got = "nothing" if value is None else f"{value:g}"
         raise found.problem(
-            row, column.heading, f"must be an angle from 0 to 180 deg beside a value, got {got}; "
-            "fold the other half of the outline onto it"
+            row,
+            column.heading,
+            f"must be an angle from 0 to 180 deg beside a value, got {got}; "
+            "fold the other half of the outline onto it",
         )
     theta = min(max(value * size, 0.0), np.pi)
     return np.pi - theta if theta_from == "rear" else theta
@@ -246,8 +254,9 @@ def _unit(found: Table, column: Column, name: str, dimension: str | None) -> str
     if unit == ARBITRARY:
         if name not in PROFILES:
             raise found.problem(
-                None, column.heading, f"only a profile may be in arbitrary units; give {name} a "
-                "unit"
+                None,
+                column.heading,
+                f"only a profile may be in arbitrary units; give {name} a unit",
             )
         return unit
     if dimension in NO_DIMENSION:
@@ -276,5 +285,5 @@ def _check_units(found: Table, quantities: Sequence[Quantity]) -> None:
         raise InvalidInput(
             f"{found.source}, {found.top}: all quantities must have a unit, or none, {plain[0]!r} "
             f"has none; write one, such as {plain[0]} "
-            f"[{customary_unit(str(_dimension(plain[0])))}]"
+            f"[{customary_unit(str(dimension_of(plain[0])))}]"
         )

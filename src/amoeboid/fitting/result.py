@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.special import gammaincc, ndtri, stdtrit
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.display import html_picture, html_table, plotted, text_table
 from amoeboid.fitting import likelihood
-from amoeboid.fitting.determination import Combination, Sensitivity
-from amoeboid.fitting.measurements import Measurements
+from amoeboid.fitting.determination import UNDETERMINED, Combination, Sensitivity
+from amoeboid.fitting.measurements import Measurements, Quantity
+from amoeboid.fitting.posterior import Posterior, sampled
 from amoeboid.fitting.problem import Point, Problem
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.least_squares import Minimum
@@ -30,9 +32,6 @@ from amoeboid.studies.columns import (
 from amoeboid.studies.states import SteadyState
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput, refuse_unknown
-
-if TYPE_CHECKING:
-    from amoeboid.fitting.posterior import Posterior
 
 ANGLES = np.deg2rad(np.linspace(0.0, 180.0, 91))
 """Where predicted profiles are given if nothing else is asked for."""
@@ -174,8 +173,8 @@ class Fit:
         rise = self._quantile(level)
         deviation = self.sensitivity.errors[k]
         signs = (-1.0, 1.0)
-        if np.isinf(deviation):
-            ends = [likelihood.End(None, "the data leave it open")] * 2
+        if deviation > UNDETERMINED:
+            ends = [likelihood.End(None, "the data do not determine it")] * 2
         else:
             ends = [likelihood.end(self.problem, self.point, k, rise, s) for s in signs]
         values = [None if e.value is None else self._quantity(k, e.value) for e in ends]
@@ -239,6 +238,16 @@ class Fit:
             f"{name}_error": Column(spread / size, q.unit),
         }
 
+    def quantity(self, name: str) -> Quantity:
+        """The measurements of a profile. Raises InvalidInput for one that was not measured."""
+        found: Quantity = self.data[self._profile_place(name)]
+        return found
+
+    def errors_used(self, name: str) -> Array:
+        """The errors of its values, in the unit of the data, also where they were estimated."""
+        k = self._profile_place(name)
+        return self.problem.targets[k].errors / self.data[k].size(self.parameters)
+
     @property
     def mirrored(self) -> bool:
         """Whether theta of the data was found to count from the rear."""
@@ -288,12 +297,15 @@ class Fit:
         return plotted(self, "fits.draw_profile", ax, name=shown)
 
     def posterior(
-        self, steps: int = 1000, *, walkers: int | None = None, seed: int = 0, watch: Any = None
+        self,
+        steps: int = 1000,
+        *,
+        walkers: int | None = None,
+        seed: int = 0,
+        watch: Watch = unwatched,
     ) -> Posterior:
         """Samples of the posterior probability of the unknowns, by emcee; see `sampled`."""
-        from amoeboid.fitting.posterior import sampled
-
-        return sampled(self, steps, walkers, seed, watch)
+        return sampled(self.problem, self.point, self.unknowns, steps, walkers, seed, watch)
 
     def text(self, name: str) -> str:
         """An estimate with its standard error and unit."""
@@ -302,6 +314,9 @@ class Fit:
         value, error = self._value(k, y), self.relative_errors[name]
         if np.isinf(error):
             return f"{text(start, value, dimension, '.4g')} (not determined)"
+        if error > UNDETERMINED:
+            lowest, highest = value / np.exp(error), value * np.exp(error)
+            return " to ".join(text(start, v, dimension, ".2g") for v in (lowest, highest))
         size = magnitude(start, abs(value) * error, dimension)
         shown = f"{magnitude(start, value, dimension):.4g} +- {size:.2g}"
         ending = unit(start, dimension) if start.units is not None else ""
