@@ -31,7 +31,7 @@ def test_a_fit_is_printed_as_a_table_and_as_json(plain, tmp_path, capsys):
     assert main(words) == 0
     out = capsys.readouterr().out
     assert re.search(r"Fit to u, c: chi2 = \d+\.\d+, 34 dof", out)
-    assert re.search(r"v_p0 +6\.\d+ +0\.\d+", out)
+    assert re.search(r"v_p0 +5\.\d+ +0\.\d+ +\d", out)
     assert picture.stat().st_size > 1000
     assert main([*words[:-2], "--json", "--bounds", "D=0.2:0.8"]) == 0
     document = json.loads(capsys.readouterr().out)

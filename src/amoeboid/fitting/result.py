@@ -11,7 +11,7 @@ from scipy.special import gammaincc, ndtri, stdtrit
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.progress import Watch, unwatched
-from amoeboid.display import html_picture, html_table, plotted, text_table
+from amoeboid.display import html_picture, html_table, plotted, shown, text_table
 from amoeboid.fitting import likelihood
 from amoeboid.fitting.determination import UNDETERMINED, Combination, Sensitivity
 from amoeboid.fitting.measurements import Measurements, Quantity
@@ -37,7 +37,7 @@ ANGLES = np.deg2rad(np.linspace(0.0, 180.0, 91))
 """Where predicted profiles are given if nothing else is asked for."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Interval:
     """A confidence interval by profile likelihood; an end is None where the data set none.
 
@@ -55,6 +55,11 @@ class Interval:
         """Whether a value lies inside."""
         above = self.low is None or bool(value >= self.low)
         return above and (self.high is None or bool(value <= self.high))
+
+    def __repr__(self) -> str:
+        ends = ["none" if end is None else shown(end) for end in (self.low, self.high)]
+        notes = "".join(f"; {note}" for note in self.notes)
+        return f"{ends[0]} to {ends[1]} ({100 * self.level:g} %){notes}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -292,9 +297,9 @@ class Fit:
         """
         if not self.profiles:
             raise InvalidInput("only profiles can be drawn, this fit has none; use to_pandas()")
-        shown = self.profiles[0] if name is None else name
-        self._profile_place(shown)
-        return plotted(self, "fits.draw_profile", ax, name=shown)
+        drawn = self.profiles[0] if name is None else name
+        self._profile_place(drawn)
+        return plotted(self, "fits.draw_profile", ax, name=drawn)
 
     def posterior(
         self,
@@ -318,9 +323,9 @@ class Fit:
             lowest, highest = value / np.exp(error), value * np.exp(error)
             return " to ".join(text(start, v, dimension, ".2g") for v in (lowest, highest))
         size = magnitude(start, abs(value) * error, dimension)
-        shown = f"{magnitude(start, value, dimension):.4g} +- {size:.2g}"
+        both = f"{magnitude(start, value, dimension):.4g} +- {size:.2g}"
         ending = unit(start, dimension) if start.units is not None else ""
-        return f"{shown} {ending}".rstrip()
+        return f"{both} {ending}".rstrip()
 
     def plain(self, name: str) -> tuple[float, float | None]:
         """Estimate and standard error as programs read them; None for one without an error."""
