@@ -33,6 +33,17 @@ if TYPE_CHECKING:
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
+    from amoeboid.motility.cells import MeasuredCell
+    from amoeboid.motility.environments import (
+        Channel,
+        CortexDrag,
+        Environment,
+        Fluid,
+        Matrix,
+        Mixed,
+        Patch,
+        Plates,
+    )
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
     from amoeboid.runs.branches import branch
@@ -46,6 +57,7 @@ if TYPE_CHECKING:
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
     from amoeboid.studies.branch import Branch, SpecialPoint
+    from amoeboid.studies.migration import Migration, migrate
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
     from amoeboid.studies.theory import Theory, theory
@@ -57,13 +69,17 @@ _HOMES = {
     "Branch": "studies.branch",
     "Cell": "observables",
     "Change": "model.changes",
+    "Channel": "motility.environments",
     "Config": "config",
+    "CortexDrag": "motility.environments",
     "Cue": "model.cues",
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
+    "Environment": "motility.environments",
     "Exponential": "model.polymerization",
     "Fit": "fitting.result",
     "Flow": "surface.state",
+    "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
     "Initial": "config",
     "InitialCell": "meshes.cells",
@@ -72,13 +88,19 @@ _HOMES = {
     "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
     "Measurements": "fitting.measurements",
+    "Matrix": "motility.environments",
+    "MeasuredCell": "motility.cells",
     "Mesh": "config",
+    "Migration": "studies.migration",
+    "Mixed": "motility.environments",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
     "Observable": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
+    "Patch": "motility.environments",
     "PhaseDiagram": "studies.phase_diagram",
+    "Plates": "motility.environments",
     "Snapshot": "runs.snapshot",
     "Solution": "runs.solution",
     "SpecialPoint": "studies.branch",
@@ -102,6 +124,7 @@ _HOMES = {
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
     "measurements": "fitting.measurements",
+    "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
@@ -130,13 +153,17 @@ __all__ = [
     "Branch",
     "Cell",
     "Change",
+    "Channel",
     "Config",
+    "CortexDrag",
     "Cue",
     "Custom",
     "Diverged",
+    "Environment",
     "Exponential",
     "Fit",
     "Flow",
+    "Fluid",
     "Icosphere",
     "Initial",
     "InitialCell",
@@ -144,13 +171,19 @@ __all__ = [
     "Inverse",
     "Kymograph",
     "Law",
+    "Matrix",
+    "MeasuredCell",
     "Measurements",
     "Mesh",
+    "Migration",
+    "Mixed",
     "Model",
     "Observable",
     "Output",
     "Parameters",
+    "Patch",
     "PhaseDiagram",
+    "Plates",
     "Snapshot",
     "Solution",
     "SpecialPoint",
@@ -174,6 +207,7 @@ __all__ = [
     "growth_rate",
     "load",
     "measurements",
+    "migrate",
     "observable",
     "observed",
     "parameters_from_toml",
