@@ -25,6 +25,9 @@ TOO_GOOD = 0.999
 HARDLY = 6.0
 """Difference of chi2 up to which front and rear are hardly told apart."""
 
+LARGE = 0.3
+"""Relative standard error from which it is rough: chi2 is no parabola over such a range."""
+
 ROUGH = (0.6, 1.6)
 """Rises of chi2 outside of which a standard error, for which it is 1, is rough."""
 
@@ -171,8 +174,14 @@ def _of_the_errors(found: Fit) -> list[str]:
     if found.found.edge or not found.converged:
         return []
     texts = []
+    large = [name for name, error in found.relative_errors.items() if LARGE < error < np.inf]
+    if large:
+        texts.append(
+            f"standard errors of {', '.join(large)} are rough, as they are larger than "
+            f"{100 * LARGE:g} %; use intervals()"
+        )
     for k, (name, error) in enumerate(found.relative_errors.items()):
-        if error > UNDETERMINED:
+        if error > LARGE:
             continue
         around = rises(found.problem, found.point, k)
         if None in around:

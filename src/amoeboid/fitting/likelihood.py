@@ -38,7 +38,10 @@ class End:
 
 
 def profile_point(problem: Problem, near: Point, k: int, value: float) -> Point | None:
-    """The minimum with y_k held at a value, from one nearby; None where no state leads there."""
+    """The minimum with y_k held at a value, from one nearby.
+
+    None where no state leads there, or the minimum lies where the polarized state ends.
+    """
     others = np.arange(near.y.size) != k
     jacobian = near.jacobian
     along = -np.linalg.lstsq(jacobian[:, others], jacobian[:, k], rcond=1e-7)[0]
@@ -51,7 +54,8 @@ def profile_point(problem: Problem, near: Point, k: int, value: float) -> Point 
     begin = problem.evaluated(bound, near) or problem.evaluated(y, near)
     if begin is None:
         return None
-    return problem.with_fixed(k, value).minimum(begin, enough=ENOUGH).point
+    found = problem.with_fixed(k, value).minimum(begin, enough=ENOUGH)
+    return None if found.edge else found.point
 
 
 def end(problem: Problem, best: Point, k: int, rise: float, towards: float) -> End:
