@@ -23,6 +23,10 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.fitting.fit import fit
+    from amoeboid.fitting.measurements import Measurements, measurements
+    from amoeboid.fitting.result import Fit
+    from amoeboid.fitting.synthetic import synthetic
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
@@ -77,6 +81,7 @@ _HOMES = {
     "Diverged": "simulation.step_length",
     "Environment": "motility.environments",
     "Exponential": "model.polymerization",
+    "Fit": "fitting.result",
     "Flow": "surface.state",
     "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
@@ -86,6 +91,7 @@ _HOMES = {
     "Inverse": "model.polymerization",
     "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
+    "Measurements": "fitting.measurements",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
     "Mesh": "config",
@@ -121,10 +127,17 @@ _HOMES = {
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "figures": "figures",
+<<<<<<< HEAD
     "grid": "sweeps.points",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
     "load_sweep": "sweeps.result",
+=======
+    "fit": "fitting.fit",
+    "growth_rate": "closed_forms.linear",
+    "load": "runs.stored",
+    "measurements": "fitting.measurements",
+>>>>>>> main
     "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
@@ -145,7 +158,11 @@ _HOMES = {
     "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
+<<<<<<< HEAD
     "sweep": "sweeps.sweep",
+=======
+    "synthetic": "fitting.synthetic",
+>>>>>>> main
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -165,6 +182,7 @@ __all__ = [
     "Diverged",
     "Environment",
     "Exponential",
+    "Fit",
     "Flow",
     "Fluid",
     "Icosphere",
@@ -176,6 +194,7 @@ __all__ = [
     "Law",
     "Matrix",
     "MeasuredCell",
+    "Measurements",
     "Mesh",
     "Migration",
     "Mixed",
@@ -208,10 +227,17 @@ __all__ = [
     "config_to_toml",
     "evolve",
     "figures",
+<<<<<<< HEAD
     "grid",
     "growth_rate",
     "load",
     "load_sweep",
+=======
+    "fit",
+    "growth_rate",
+    "load",
+    "measurements",
+>>>>>>> main
     "migrate",
     "observable",
     "observed",
@@ -232,7 +258,11 @@ __all__ = [
     "steady_state",
     "steady_states",
     "steps",
+<<<<<<< HEAD
     "sweep",
+=======
+    "synthetic",
+>>>>>>> main
     "theory",
     "thresholds",
     "time",

@@ -18,7 +18,7 @@ from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import POSITION, STEP_UNITS
+from amoeboid.simulation.timeseries import STEP_UNITS, position_columns
 from amoeboid.simulation.timeseries import column as column_of
 from amoeboid.studies.columns import Column, column, dataset, frame, quantity
 from amoeboid.studies.recorded import Recorded, along, optional, single, title
@@ -99,12 +99,16 @@ class Run:
 
     @property
     def trajectory(self) -> Any:
-        """Positions (T, 3) [L] at the times `t`, if all drag is on the cortex, uniformly."""
+        """Positions (T, 3) [L] at the times `t`, in the environment of the run.
+
+        Without one, those with all drag on the cortex, uniformly.
+        """
         return quantity(self.parameters, self._positions, "L")
 
     @property
     def _positions(self) -> Array:
-        parts = [column_of(self.rows, self.units, name) for name in POSITION]
+        names = position_columns(self.units)
+        parts = [column_of(self.rows, self.units, name) for name in names]
         return np.stack(parts, axis=1)
 
     @property
