@@ -91,9 +91,9 @@ _HOMES = {
     "Inverse": "model.polymerization",
     "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
-    "Measurements": "fitting.measurements",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
+    "Measurements": "fitting.measurements",
     "Mesh": "config",
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
@@ -127,17 +127,12 @@ _HOMES = {
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "figures": "figures",
-<<<<<<< HEAD
+    "fit": "fitting.fit",
     "grid": "sweeps.points",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
     "load_sweep": "sweeps.result",
-=======
-    "fit": "fitting.fit",
-    "growth_rate": "closed_forms.linear",
-    "load": "runs.stored",
     "measurements": "fitting.measurements",
->>>>>>> main
     "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
@@ -158,11 +153,8 @@ _HOMES = {
     "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
-<<<<<<< HEAD
     "sweep": "sweeps.sweep",
-=======
     "synthetic": "fitting.synthetic",
->>>>>>> main
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -227,17 +219,12 @@ __all__ = [
     "config_to_toml",
     "evolve",
     "figures",
-<<<<<<< HEAD
+    "fit",
     "grid",
     "growth_rate",
     "load",
     "load_sweep",
-=======
-    "fit",
-    "growth_rate",
-    "load",
     "measurements",
->>>>>>> main
     "migrate",
     "observable",
     "observed",
@@ -258,11 +245,8 @@ __all__ = [
     "steady_state",
     "steady_states",
     "steps",
-<<<<<<< HEAD
     "sweep",
-=======
     "synthetic",
->>>>>>> main
     "theory",
     "thresholds",
     "time",
