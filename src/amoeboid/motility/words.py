@@ -62,7 +62,12 @@ def written(given: Environment) -> str:
                 "it without a folder"
             )
         values = ((f.name, getattr(part, f.name), f.default) for f in fields(part))
-        said = [f"{name}={_written(value)}" for name, value, usual in values if value != usual]
+        first = FIRST_FIELD[part.name]
+        said = [
+            f"{name}={_written(value)}"
+            for name, value, usual in values
+            if value != usual or (name == first and value is not None)
+        ]
         texts.append(":".join([part.name, *said]))
     return "+".join(texts)
 
