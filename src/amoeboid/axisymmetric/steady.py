@@ -342,10 +342,13 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -> SteadySolution:
+def steady_state(
+    p: Parameters, guess: SteadySolution, cue: Cue | None = None, max_iterations: int = 25
+) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
-    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1). Raises
+    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1);
+    `max_iterations`: of Newton's method, fewer where only a good guess is to be followed. Raises
     InvalidInput for a cue in another direction.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
@@ -355,7 +358,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
     history: tuple[float, ...] = ()
     while True:
         system = SteadySystem(p, n, cue=cue)
-        found = newton_solution(system, x)
+        found = newton_solution(system, x, max_iterations)
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
@@ -369,7 +372,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
-def newton_solution(system: SteadySystem, start: Array) -> Any:
+def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25) -> Any:
     """Newton's method on a system without free parameters."""
     q = np.zeros(0)
     return newton(
@@ -377,6 +380,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
         lambda x: system.residual_and_jacobian(x, q),
         start,
         scale=system.scale,
+        max_iterations=max_iterations,
     )
 
 

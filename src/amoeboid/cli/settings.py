@@ -89,16 +89,18 @@ def add_observables(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="also show this observable (polarity, reduced_volume, or your own); repeatable",
+        help="also show this observable (polarity, reduced_volume, or SCRIPT.py:NAME for one of a "
+        "script of yours, which is executed); repeatable",
     )
 
 
 def observables_shown(args: argparse.Namespace) -> tuple[str, ...]:
     """The observables that tables show, those of `--observe` last. Raises InvalidInput."""
+    from amoeboid.cli.scripts import observed_names
     from amoeboid.studies import observed
     from amoeboid.studies.states import SHOWN
 
-    return tuple(dict.fromkeys((*SHOWN, *observed.checked(args.observe))))
+    return tuple(dict.fromkeys((*SHOWN, *observed.checked(observed_names(args.observe)))))
 
 
 def only_parameters(args: argparse.Namespace) -> Parameters:
