@@ -24,6 +24,10 @@ if TYPE_CHECKING:
         config_to_toml,
     )
     from amoeboid.explorer.notebook import explore
+    from amoeboid.fitting.fit import fit
+    from amoeboid.fitting.measurements import Measurements, measurements
+    from amoeboid.fitting.result import Fit
+    from amoeboid.fitting.synthetic import synthetic
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
@@ -60,6 +64,10 @@ if TYPE_CHECKING:
     from amoeboid.studies.theory import Theory, theory
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
+    from amoeboid.sweeps.points import Points, grid, paired, sobol
+    from amoeboid.sweeps.refinement import Refinement, refine
+    from amoeboid.sweeps.result import Sweep, load_sweep
+    from amoeboid.sweeps.sweep import sweep
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
@@ -74,6 +82,7 @@ _HOMES = {
     "Diverged": "simulation.step_length",
     "Environment": "motility.environments",
     "Exponential": "model.polymerization",
+    "Fit": "fitting.result",
     "Flow": "surface.state",
     "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
@@ -85,6 +94,7 @@ _HOMES = {
     "Law": "model.polymerization",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
+    "Measurements": "fitting.measurements",
     "Mesh": "config",
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
@@ -96,6 +106,8 @@ _HOMES = {
     "Patch": "motility.environments",
     "PhaseDiagram": "studies.phase_diagram",
     "Plates": "motility.environments",
+    "Points": "sweeps.points",
+    "Refinement": "sweeps.refinement",
     "Snapshot": "runs.snapshot",
     "Solution": "runs.solution",
     "SpecialPoint": "studies.branch",
@@ -108,6 +120,7 @@ _HOMES = {
     "StoredRun": "runs.stored",
     "Stress": "model.stress",
     "Surface": "runs.meshes",
+    "Sweep": "sweeps.result",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "runs.branches",
@@ -116,11 +129,16 @@ _HOMES = {
     "evolve": "simulation.loop",
     "explore": "explorer.notebook",
     "figures": "figures",
+    "fit": "fitting.fit",
+    "grid": "sweeps.points",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
+    "load_sweep": "sweeps.result",
+    "measurements": "fitting.measurements",
     "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
+    "paired": "sweeps.points",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
     "phase_diagram": "studies.phase_diagram",
@@ -128,13 +146,17 @@ _HOMES = {
     "polarization_by_cue": "closed_forms.response",
     "prediction": "closed_forms.branch",
     "ramp": "model.changes",
+    "refine": "sweeps.refinement",
     "simulate": "runs.solution",
     "smooth": "model.changes",
+    "sobol": "sweeps.points",
     "start": "simulation.loop",
     "steady": "simulation.events",
     "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
+    "sweep": "sweeps.sweep",
+    "synthetic": "fitting.synthetic",
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -154,6 +176,7 @@ __all__ = [
     "Diverged",
     "Environment",
     "Exponential",
+    "Fit",
     "Flow",
     "Fluid",
     "Icosphere",
@@ -165,6 +188,7 @@ __all__ = [
     "Law",
     "Matrix",
     "MeasuredCell",
+    "Measurements",
     "Mesh",
     "Migration",
     "Mixed",
@@ -175,6 +199,8 @@ __all__ = [
     "Patch",
     "PhaseDiagram",
     "Plates",
+    "Points",
+    "Refinement",
     "Snapshot",
     "Solution",
     "SpecialPoint",
@@ -187,6 +213,7 @@ __all__ = [
     "StoredRun",
     "Stress",
     "Surface",
+    "Sweep",
     "Theory",
     "Time",
     "branch",
@@ -195,11 +222,16 @@ __all__ = [
     "evolve",
     "explore",
     "figures",
+    "fit",
+    "grid",
     "growth_rate",
     "load",
+    "load_sweep",
+    "measurements",
     "migrate",
     "observable",
     "observed",
+    "paired",
     "parameters_from_toml",
     "parameters_to_toml",
     "phase_diagram",
@@ -207,13 +239,17 @@ __all__ = [
     "polarization_by_cue",
     "prediction",
     "ramp",
+    "refine",
     "simulate",
     "smooth",
+    "sobol",
     "start",
     "steady",
     "steady_state",
     "steady_states",
     "steps",
+    "sweep",
+    "synthetic",
     "theory",
     "thresholds",
     "time",
