@@ -231,7 +231,8 @@ class Fit:
         """The predicted profile "u" or "c" with its standard error, by columns.
 
         `theta` in degrees from the front, or where the pole was unknown as in the data; every 2
-        degrees if left out. In the unit of the data. Raises InvalidInput for a profile that was not measured.
+        degrees if left out. In the unit of the data. Raises InvalidInput for a profile that was not
+        measured.
         """
         k = self._profile_place(name)
         angles = ANGLES if theta is None else np.deg2rad(np.atleast_1d(np.asarray(theta, float)))
