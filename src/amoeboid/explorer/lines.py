@@ -13,6 +13,9 @@ from amoeboid.exports.export import export
 from amoeboid.runs.solution import Solution, simulate
 from amoeboid.runs.stored import load
 
+MAX_PICTURES = 240
+"""Of a movie; of a longer run every second frame is shown, or every third, and so on."""
+
 
 def made_again(
     recipe: Recipe,
@@ -34,7 +37,11 @@ def movie_of(folder: Path) -> Path:
     Raises InvalidInput, OSError.
     """
     encoder = find_spec("imageio_ffmpeg") is not None or which("ffmpeg") is not None
-    (path,) = export(load(folder), folder.with_name(f"{folder.name}.{'mp4' if encoder else 'gif'}"))
+    run, kind = load(folder), "mp4" if encoder else "gif"
+    every = 1 + len(run.frames) // MAX_PICTURES
+    (path,) = export(
+        run, folder.with_name(f"{folder.name}.{kind}"), frames=slice(None, None, every)
+    )
     return path
 
 

@@ -128,11 +128,14 @@ function choosePreset(preset, start = true) {
   $("preset").value = preset.name;
   $("note").textContent = preset.note;
   for (const radio of document.getElementsByName("units")) radio.checked = radio.value === state.units;
-  if (isLive) $("start").value = preset.start;
+  if (isLive) {
+    $("start").value = preset.start;
+    $("pace").value = preset.pace;
+  }
   $("surface").hidden = true;
   clearRefusals();
   buildSliders();
-  if (start) { ask(); begin(); }
+  if (start) { ask(); begin(); if (isLive) setPace(); }
 }
 
 function buildHeader() {
