@@ -328,7 +328,7 @@ function showFrame(frame) {
   live.latest = frame;
 }
 
-const live = { frames: 0, latest: null, observables: {} };
+const live = { frames: 0, begun: 0, latest: null, observables: {} };
 
 async function buildLive() {
   $("live").hidden = false;
@@ -391,7 +391,7 @@ const receivers = {
   states(states) { showStates(states); $("busy").textContent = ""; },
   refused: refuse,
   frame: showFrame,
-  begun() { limits = null; view?.restart(); },
+  begun() { limits = null; view?.restart(); live.latest = null; live.begun += 1; },
   surface() { begin(); },
   saving({ share }) { $("saved").textContent = `saving, ${Math.round(100 * share)} %`; },
   saved({ folder }) { $("saved").textContent = `saved in ${folder}`; },
