@@ -139,19 +139,19 @@ def draw(data: FigureData, panels: Any) -> None:
     published = data["published"]
     count, gap = len(PUBLISHED), 0.015 * left.get_ylim()[1]
     for k, (low, high) in enumerate(zip(published["lowest"], published["highest"], strict=True)):
-        words: dict[str, Any] = {"rotation": 90, "ha": "center", "fontsize": 6.0}
+        style_of_text: dict[str, Any] = {"rotation": 90, "ha": "center", "fontsize": 6.0}
         if high == low:
             right.plot([k - 0.35, k + 0.35], [low, low], color=INK, lw=1.2)
-            right.text(k, high + gap, PUBLISHED[k][0], va="bottom", **words)
+            right.text(k, high + gap, PUBLISHED[k][0], va="bottom", **style_of_text)
         else:
             right.bar(k, high - low, 0.7, bottom=low, color=PALE, edgecolor=GRAY, lw=0.5)
-            right.text(k, 0.5 * (low + high), PUBLISHED[k][0], va="center", **words)
+            right.text(k, 0.5 * (low + high), PUBLISHED[k][0], va="center", **style_of_text)
     right.set_xlim(-0.6, count - 0.4)
 
 
 FIGURE = Figure(
     name="extra_motility",
-    title="migration speed against v_p0 in all environments, with published speeds",
+    title="migration speed in all environments",
     source="not in the paper",
     parameters=Parameters.physical(),
     compute=compute,
