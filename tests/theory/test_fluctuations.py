@@ -1,9 +1,9 @@
 """Shot noise: filaments as particles on a rigid sphere against the variance of the linear theory.
 
 Each filament vanishes with the rate beta, new ones appear everywhere, all diffuse, and the flow of
-mode 1 that their polarization a drives carries them: v = -G_1 w_1 (a - (a.n) n). The transport of the
-particles is not linearized: at 0.7 of the threshold, where 300 filaments fluctuate by 18 %, their
-variance is 8 % below that of the linear theory (3.1 standard errors).
+mode 1 that their polarization a drives carries them: v = -G_1 w_1 (a - (a.n) n). The transport of
+the particles is not linearized: at 0.7 of the threshold, where 300 filaments fluctuate by 18 %,
+their variance is 8 % below that of the linear theory (3.1 standard errors).
 """
 
 import numpy as np
