@@ -26,6 +26,11 @@ MIN_CHANGE = 1e-4
 # discretization errors make of a rotation around an axis of symmetry, the second number over that
 # of the nodes, are none: rotations of a sphere or around such an axis.
 MIN_MOTION, ERROR_OF_MOTION = 0.02, 3.0
+# A cell turns, and has no axis of symmetry, if its angular velocity in units of the rate is larger
+# than these: than the mesh turns a straight cell that lies at an angle to its axes, the second
+# number over that of the nodes. Observed: 0.0035 on 42 nodes and 0.0002 on 642; for soft cells near
+# the onset of circles 0.010 on 642 and 0.003 on 2562.
+MIN_TURNING, ERROR_OF_TURNING = 1e-3, 10.0
 # Angle of a test rotation, and the largest rms change of a cue's factor per radian at which the
 # rotation counts as free.
 TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
@@ -70,12 +75,21 @@ def rotations(x: Array, axes: Array) -> list[Array]:
     return [np.cross(axis, x) for axis in axes]
 
 
-def rigid_changes(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:
+def turns(model: Model, angular_velocity: Array) -> bool:
+    """Whether a cell turns by itself, and not by the error of its mesh."""
+    least = max(MIN_TURNING, ERROR_OF_TURNING / model.mesh.n_nodes)
+    return bool(np.linalg.norm(angular_velocity) > least * model.rate)
+
+
+def rigid_changes(
+    model: Model, r: Array, c: Array, g: Geometry, turning: Array | None = None
+) -> tuple[Array, Array, Array]:
     """How rigid motions change the cell: orthonormal changes (2V, k) of c'/(c0 + c) and h/R0, of
     what motions they are sums (k, 6), and those.
 
     A motion is a velocity (in the unit R0) and an angular velocity about the center of volume.
-    Motions that do not change the cell are left out, and rotations that change a cue.
+    Motions that do not change the cell are left out, and rotations that change a cue. All of them
+    change a cell that turns, with the angular velocity `turning` (3,), by however little.
     """
     p, mesh = model.parameters, model.mesh
     slope = gradient(c, g, mesh) / (p.c0 + c)[:, None]
@@ -85,6 +99,8 @@ def rigid_changes(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array,
     motions[:3, :3], motions[3:, 3:] = np.eye(3), axes
     found, sizes, shares = np.linalg.svd(changes(fields, slope, g.normals, p.R0), False)
     kept = sizes > min(MIN_MOTION, ERROR_OF_MOTION / len(c)) * sizes[0]
+    if turning is not None and turns(model, turning):
+        kept[:] = True
     return found[:, kept], shares[kept] / sizes[kept, None], motions
 
 

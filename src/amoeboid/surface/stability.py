@@ -62,14 +62,16 @@ DEGREE = 3
 class Growth:
     """Growth rate of the fastest growing perturbation of a steady state, and its error [1/T].
 
-    The rate is negative if all perturbations decay; for an oscillating one it is the real part. The
-    error is relative to the discrete cell, without the error of the mesh. If no growth rate was
-    found, `rate` is None, `error` is infinite, and `problem` says why.
+    The rate is negative if all perturbations decay; for an oscillating one it is the real part, and
+    `frequency` the imaginary one, an angular frequency, otherwise 0. The error is that of both,
+    relative to the discrete cell, without the error of the mesh. If no growth rate was found,
+    `rate` is None, `error` is infinite, and `problem` says why.
     """
 
     rate: float | None
     error: float = math.inf
     problem: str = ""
+    frequency: float = 0.0
 
 
 def leading_growth_rate(
@@ -135,7 +137,8 @@ def _with_steps(
         if count < MIN_APPLICATIONS or not len(seen):
             continue
         mu = found.values[seen]
-        rates = ((1.0 - 1.0 / mu) / restricted.dt).real
+        exponents = (1.0 - 1.0 / mu) / restricted.dt
+        rates = exponents.real
         residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
         first = int(np.argmax(rates))
         rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
@@ -147,7 +150,8 @@ def _with_steps(
             error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
         if not np.isfinite(error):
             continue
-        best, mode = Growth(rate, float(error)), found.vector(int(seen[first]))
+        frequency = abs(float(exponents[first].imag))
+        best, mode = Growth(rate, float(error), "", frequency), found.vector(int(seen[first]))
         accurate = error < wanted and (abs(rate) > error or error < smallest)
         # or further applications would not reduce the error
         if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):
@@ -174,7 +178,7 @@ class RestrictedStep:
     ) -> None:
         self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt, turning)
-        self._excluded = _excluded(model, state, self._step.g)
+        self._excluded = _excluded(model, state, self._step.g, turning)
         self._zero = np.zeros(self._step.n), np.zeros(2 * len(state.c))
         moved = [self._step.iterate(self._zero[0], y) for y in self._excluded.T]
         self._moved = np.reshape(moved, (self._excluded.shape[1], self._step.n)).T
@@ -220,10 +224,10 @@ class RestrictedStep:
         return np.asarray(self._excluded.T @ self._step.in_fixed_axes(unknowns))
 
 
-def _excluded(model: Model, state: State, g: Geometry) -> Array:
+def _excluded(model: Model, state: State, g: Geometry, turning: Array | None = None) -> Array:
     """Orthonormal perturbations (2V, k) that are excluded; see the module."""
     p, faces = model.parameters, model.mesh.faces
-    columns = [rigid_changes(model, state.r, state.c, g)[0]]
+    columns = [rigid_changes(model, state.r, state.c, g, turning)[0]]
     if p.beta == 0.0:
         of_shape = weighted_area_gradient(g, faces, state.c[faces].mean(axis=1))
         along = p.R0 * np.einsum("vi,vi->v", of_shape, g.normals)
