@@ -219,7 +219,7 @@ class _Traced:
                 for behind, ahead in ((back.points[1:], points), (back.folds, folds))
             )
         bifurcations: list[SpecialPoint] = []
-        if begins is not None:
+        if begins is not None and len(points) > 1:
             points = points[1:]
             bifurcations = [replace(begins, name=self.name, piece=0, length=0.0)]
         lengths = tuple(length for length, _ in points)

@@ -67,9 +67,7 @@ class ImplicitMap:
         v = self._velocity(model, base, self.g)[0]
         u = v - normal_part(v, self.g.normals)
         self._transport = model.scalar_solver.factor(implicit_matrix(model, self.g, u, dt)[0])
-        self._excluded, shares, motions = rigid_changes(
-            model, base.r, base.c, self.g, base.angular_velocity
-        )
+        self._excluded, shares, motions = rigid_changes(model, base.r, base.c, self.g)
         self._frame_rates = model.rate * shares @ motions[:, 3:]
         self._frame_velocities = self._of_frame(v, shares, model.rate * motions)
         self._frame_images = self._images(u, self._frame_velocities)

@@ -24,9 +24,9 @@ from amoeboid.surface.transport import rate_of_change
 MIN_CHANGE = 1e-4
 # Rigid motions that change the cell by less than the first share of the largest change, or by what
 # discretization errors make of a rotation around an axis of symmetry, the second number over that
-# of the nodes, are none: rotations of a sphere or around such an axis.
-MIN_MOTION, ERROR_OF_MOTION = 0.02, 3.0
-# A cell turns, and has no axis of symmetry, if its angular velocity in units of the rate is larger
+# of the nodes (half of it is observed), are none: rotations of a sphere or around such an axis.
+MIN_MOTION, ERROR_OF_MOTION = 0.02, 2.0
+# A cell turns if its angular velocity in units of the rate is larger
 # than these: than the mesh turns a straight cell that lies at an angle to its axes, the second
 # number over that of the nodes. Observed: 0.0035 on 42 nodes and 0.0002 on 642; for soft cells near
 # the onset of circles 0.010 on 642 and 0.003 on 2562.
@@ -81,15 +81,12 @@ def turns(model: Model, angular_velocity: Array) -> bool:
     return bool(np.linalg.norm(angular_velocity) > least * model.rate)
 
 
-def rigid_changes(
-    model: Model, r: Array, c: Array, g: Geometry, turning: Array | None = None
-) -> tuple[Array, Array, Array]:
+def rigid_changes(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:
     """How rigid motions change the cell: orthonormal changes (2V, k) of c'/(c0 + c) and h/R0, of
     what motions they are sums (k, 6), and those.
 
     A motion is a velocity (in the unit R0) and an angular velocity about the center of volume.
-    Motions that do not change the cell are left out, and rotations that change a cue. All of them
-    change a cell that turns, with the angular velocity `turning` (3,), by however little.
+    Motions that do not change the cell are left out, and rotations that change a cue.
     """
     p, mesh = model.parameters, model.mesh
     slope = gradient(c, g, mesh) / (p.c0 + c)[:, None]
@@ -99,8 +96,6 @@ def rigid_changes(
     motions[:3, :3], motions[3:, 3:] = np.eye(3), axes
     found, sizes, shares = np.linalg.svd(changes(fields, slope, g.normals, p.R0), False)
     kept = sizes > min(MIN_MOTION, ERROR_OF_MOTION / len(c)) * sizes[0]
-    if turning is not None and turns(model, turning):
-        kept[:] = True
     return found[:, kept], shares[kept] / sizes[kept, None], motions
 
 

@@ -43,6 +43,7 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
 TOLERANCE = 3e-5
+RELAXED = 1e-2
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -127,10 +128,15 @@ def _with_steps(
     turning: Array | None,
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
+    allowed = tolerance
+
+    def image(y: Array) -> Array:
+        return restricted.image(y, allowed)
+
     wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
     best = Growth(None, problem="no perturbation was found that decays slowly enough")
     mode = None
-    for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
+    for count, found in enumerate(ritz_values(image, restricted.start()), 1):
         if count > MAX_APPLICATIONS:
             break
         seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
@@ -145,6 +151,8 @@ def _with_steps(
         # error of the largest rate, or another rate may turn out to be the largest
         iteration_error = max(weight * residuals[first], float((rates + residuals).max()) - rate)
         error = iteration_error
+        largest = float((found.residuals[seen] / np.abs(mu)).max())
+        allowed = float(np.clip(tolerance / max(largest, tolerance), tolerance, RELAXED))
         if iteration_error < wanted:
             tested = restricted.residual(found.vector(int(seen[first])), mu[first])
             error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
@@ -178,7 +186,7 @@ class RestrictedStep:
     ) -> None:
         self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt, turning)
-        self._excluded = _excluded(model, state, self._step.g, turning)
+        self._excluded = _excluded(model, state, self._step.g)
         self._zero = np.zeros(self._step.n), np.zeros(2 * len(state.c))
         moved = [self._step.iterate(self._zero[0], y) for y in self._excluded.T]
         self._moved = np.reshape(moved, (self._excluded.shape[1], self._step.n)).T
@@ -186,9 +194,9 @@ class RestrictedStep:
         self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
         self._equations = Recycling(self._defect, self._step.n)
 
-    def image(self, y: Array) -> Array:
+    def image(self, y: Array, tolerance: float) -> Array:
         """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._solved(self._step.iterate(self._zero[0], y))
+        return self._solved(self._step.iterate(self._zero[0], y), tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -199,7 +207,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                parts.append(self._solved(self._step.defect(x, y)))
+                parts.append(self._solved(self._step.defect(x, y), self._tolerance))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
@@ -207,9 +215,9 @@ class RestrictedStep:
         y = _start(self.state, self.model)
         return np.asarray(y - self._excluded @ (self._excluded.T @ y))
 
-    def _solved(self, right: Array) -> Array:
+    def _solved(self, right: Array, tolerance: float) -> Array:
         """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
-        solution = self._equations.solve(self._projected(right), self._tolerance)
+        solution = self._equations.solve(self._projected(right), tolerance)
         x = self._step.in_fixed_axes(solution)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
@@ -224,10 +232,10 @@ class RestrictedStep:
         return np.asarray(self._excluded.T @ self._step.in_fixed_axes(unknowns))
 
 
-def _excluded(model: Model, state: State, g: Geometry, turning: Array | None = None) -> Array:
+def _excluded(model: Model, state: State, g: Geometry) -> Array:
     """Orthonormal perturbations (2V, k) that are excluded; see the module."""
     p, faces = model.parameters, model.mesh.faces
-    columns = [rigid_changes(model, state.r, state.c, g, turning)[0]]
+    columns = [rigid_changes(model, state.r, state.c, g)[0]]
     if p.beta == 0.0:
         of_shape = weighted_area_gradient(g, faces, state.c[faces].mean(axis=1))
         along = p.R0 * np.einsum("vi,vi->v", of_shape, g.normals)
