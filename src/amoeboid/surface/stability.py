@@ -43,7 +43,6 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step.
 TOLERANCE = 3e-5
-RELAXED = 1e-2
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -128,15 +127,10 @@ def _with_steps(
     turning: Array | None,
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
-    allowed = tolerance
-
-    def image(y: Array) -> Array:
-        return restricted.image(y, allowed)
-
     wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
     best = Growth(None, problem="no perturbation was found that decays slowly enough")
     mode = None
-    for count, found in enumerate(ritz_values(image, restricted.start()), 1):
+    for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
         if count > MAX_APPLICATIONS:
             break
         seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
@@ -151,8 +145,6 @@ def _with_steps(
         # error of the largest rate, or another rate may turn out to be the largest
         iteration_error = max(weight * residuals[first], float((rates + residuals).max()) - rate)
         error = iteration_error
-        largest = float((found.residuals[seen] / np.abs(mu)).max())
-        allowed = float(np.clip(tolerance / max(largest, tolerance), tolerance, RELAXED))
         if iteration_error < wanted:
             tested = restricted.residual(found.vector(int(seen[first])), mu[first])
             error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
@@ -194,9 +186,9 @@ class RestrictedStep:
         self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
         self._equations = Recycling(self._defect, self._step.n)
 
-    def image(self, y: Array, tolerance: float) -> Array:
+    def image(self, y: Array) -> Array:
         """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._solved(self._step.iterate(self._zero[0], y), tolerance)
+        return self._solved(self._step.iterate(self._zero[0], y))
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -207,7 +199,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                parts.append(self._solved(self._step.defect(x, y), self._tolerance))
+                parts.append(self._solved(self._step.defect(x, y)))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
@@ -215,9 +207,9 @@ class RestrictedStep:
         y = _start(self.state, self.model)
         return np.asarray(y - self._excluded @ (self._excluded.T @ y))
 
-    def _solved(self, right: Array, tolerance: float) -> Array:
+    def _solved(self, right: Array) -> Array:
         """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
-        solution = self._equations.solve(self._projected(right), tolerance)
+        solution = self._equations.solve(self._projected(right), self._tolerance)
         x = self._step.in_fixed_axes(solution)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
