@@ -53,36 +53,41 @@ def test_helices_leave_the_circles_supercritically_and_are_stable():
     assert all(cell.stable for cell in cells)
     # the torsion is that of either hand, and grows like the root of the distance
     shares = [cell.number("torsion") ** 2 / (cell.parameters.v_p0 - point.number) for cell in cells]
-    assert shares == pytest.approx([0.14] * len(cells), rel=0.05)
+    assert shares == pytest.approx([0.14] * len(cells), rel=0.08)
 
 
+@pytest.mark.slow
 def test_a_circle_decays_twice_as_fast_as_bending_of_the_straight_cell_grows():
-    """Supercritical. Rotations about the axis of the straight cell are neutral, and left out."""
-    circle = circles().states[0]
-    start = straight().states[0]
+    """Supercritical. Rotations about the axis of the straight cell are neutral, and left out.
+
+    On 642 nodes: on fewer the wide circles next to the onset are not told from straight cells.
+    """
+    along = am.branch(TURNS, "v_p0", 7.86, 7.91, mesh=am.Icosphere(3))
+    start, point = along.states[0], along.bifurcations[0]
+    circle = am.branch(TURNS, "v_p0", 7.86, 7.93, through=point, stability=False).states[0]
     bending = am.steady_state(circle.parameters, start=start).number("growth_rate")
     assert bending > 0.0
     assert circle.number("growth_rate") == pytest.approx(-2.0 * bending, rel=0.25)
 
 
 def test_circles_leave_straight_cells_in_the_pressure_too():
-    """At v_p0 = 8 they do so at a higher pressure than at their onset at delta_P = 20."""
-    found = am.branch(FAST, "delta_P", 19.5, 21, mesh=am.Icosphere(2))
+    """At v_p0 = 8 where the onset in v_p0 has come to it; the same circles lie below."""
+    found = am.branch(FAST, "delta_P", 20.5, 22, mesh=am.Icosphere(2))
     (point,) = found.bifurcations
     assert (point.m, point.leads_to) == (1, "circle")
-    left = am.branch(FAST, "delta_P", 19.9, 21, through=point, stability=False)
+    left = am.branch(FAST, "delta_P", 19.9, 22, through=point, stability=False)
     assert left.complete
     cell = left.states[-1]
-    # the cell that is found along v_p0, too
+    assert (cell.parameters.delta_P, cell.path) == (19.9, "circle")
+    # the cell that is found along v_p0, too, but for where its nodes lie (162 of them)
     known = am.steady_state(cell.parameters, start=circles().states[1])
-    assert cell.delta_P == pytest.approx(19.9)
-    assert cell.turning == pytest.approx(known.turning, rel=1e-5)
+    assert cell.turning == pytest.approx(known.turning, rel=0.01)
 
 
 def test_images_in_mirror_planes_of_the_mesh_leave_the_straight_cell_alone():
     cell = straight().states[0]
     found = mirrors(cell)
-    assert len(found) == 3
+    assert len(found) == 2
     for image in found:
         assert np.array_equal(image[image], np.arange(len(image)))
         assert np.abs(cell.cell.c[image] - cell.cell.c).max() < 1e-6
