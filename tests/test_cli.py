@@ -15,11 +15,11 @@ import numpy as np
 import pytest
 
 from amoeboid.cli.main import COMMANDS, main
-from amoeboid.cli.run import _stability
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.config import Config, Mesh
 from amoeboid.model.parameters import Parameters
 from amoeboid.output import frames
+from amoeboid.runs.words import stability
 from amoeboid.simulation import writers
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
@@ -427,7 +427,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
 )
 def test_a_run_reports_the_stability_of_its_last_state(rest, words):
     step = replace(start(Config(mesh=Mesh(subdivisions=1))), rest=rest)
-    assert words in _stability(step)
+    assert words in stability(step)
 
 
 def test_the_growth_rate_is_told_and_kept(tmp_path, capsys):

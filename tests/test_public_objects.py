@@ -77,6 +77,18 @@ def objects(tmp_path_factory):
         "observables": am.OBSERVABLES["c_rear"],
         "observed": am.observed(sol.final.cell),
         "cell": sol.final.cell,
+        "migration": am.migrate(sol.final, "fluid:coupled=0.5+patch:30"),
+        "physical migration": am.migrate(physical.final, am.Fluid("0.7 mPa s")),
+        "measured cell": am.MeasuredCell(sol.final.r, sol.final.faces, sol.final.v),
+        "environments": (
+            am.Fluid(),
+            am.Matrix(1.0, 2.0, per_filament=True),
+            am.Patch(30),
+            am.Plates(20.0),
+            am.Channel(10),
+            am.CortexDrag(),
+        ),
+        "mixed environment": am.Mixed(am.Fluid(coupled=0.2), am.Patch(20, axis=(1, 0, 0))),
     }
 
 

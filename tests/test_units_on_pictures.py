@@ -10,7 +10,7 @@ from matplotlib.image import imread
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.plotting import branches, cell, cell_process
-from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.studies.branch import branch
@@ -53,14 +53,22 @@ def test_every_axis_and_color_bar_of_a_figure_has_its_unit(figures, tmp_path):
     states = steady_states(p, (1,))
     branches.write_states(states, tmp_path / "states.png")
     branches.write_branch(branch(p, "v_p0", 5.5, 6.5), tmp_path / "branch.png")
-    t = np.linspace(0.0, 9.0, 50)
-    assert save_trajectory_picture(tmp_path / "way.png", t, np.column_stack([t, t**2, 0 * t]), 1.0)
-    assert [axes_without_unit(figure) for figure in figures] == [[], [], []]
+    assert [axes_without_unit(figure) for figure in figures] == [[], []]
     texts = [text.get_text() for text in figures[0].findobj() if hasattr(text, "get_text")]
     assert sum(text.startswith("$R_0$ = 1 [L]") for text in texts) == len(states)
-    way = "".join(text.get_text() for text in figures[2].findobj() if hasattr(text, "get_text"))
-    assert "drag" in way
-    assert "laboratory" not in way
+
+
+def test_the_picture_of_a_trajectory_says_what_it_assumes_and_how_long_it_is(monkeypatch, tmp_path):
+    written, text = [], Canvas.text
+    monkeypatch.setattr(
+        Canvas, "text", lambda self, *a, **k: (written.append(a[1]), text(self, *a, **k))[1]
+    )
+    t = np.linspace(0.0, 9.0, 50)
+    assert save_trajectory_picture(tmp_path / "way.png", t, np.column_stack([t, t**2, 0 * t]), 1.0)
+    assert any("drag" in words for words in written)
+    assert not any("laboratory" in words for words in written)
+    assert "20 R0" in written  # the largest round length below a quarter of the way, 81 R0
+    assert {"0", "9", "time t [T] (dark dot: start)"} <= set(written)
 
 
 def test_the_label_of_a_parameter_has_its_dimension():
@@ -81,7 +89,7 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     text = Canvas.text
     monkeypatch.setattr(Canvas, "text", lambda *given: (written.append(given[2]), text(*given))[1])
     cell_process.draw(
-        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last).items()}
+        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last.cell).items()}
     )
     cell.save_cell_picture(tmp_path / "cell.png", last)
     assert "front" in written
@@ -94,5 +102,5 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
 
 
 def test_scale_bars_have_round_lengths():
-    found = [cell_process._round_length(x) for x in (0.6, 6.0, 1.99e-6, 1.0, 2.0, 4.9, 5.0, 99.0)]
+    found = [round_length(x) for x in (0.6, 6.0, 1.99e-6, 1.0, 2.0, 4.9, 5.0, 99.0)]
     np.testing.assert_allclose(found, [0.5, 5.0, 1e-6, 1.0, 2.0, 2.0, 5.0, 50.0])

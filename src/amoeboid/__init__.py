@@ -29,6 +29,17 @@ if TYPE_CHECKING:
     from amoeboid.model.parameters import Parameters, parameters_from_toml, parameters_to_toml
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
+    from amoeboid.motility.cells import MeasuredCell
+    from amoeboid.motility.environments import (
+        Channel,
+        CortexDrag,
+        Environment,
+        Fluid,
+        Matrix,
+        Mixed,
+        Patch,
+        Plates,
+    )
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
     from amoeboid.runs.branches import branch
@@ -42,6 +53,7 @@ if TYPE_CHECKING:
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
     from amoeboid.studies.branch import Branch, SpecialPoint
+    from amoeboid.studies.migration import Migration, migrate
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
     from amoeboid.studies.theory import Theory, theory
@@ -53,12 +65,16 @@ _HOMES = {
     "Branch": "studies.branch",
     "Cell": "observables",
     "Change": "model.changes",
+    "Channel": "motility.environments",
     "Config": "config",
+    "CortexDrag": "motility.environments",
     "Cue": "model.cues",
     "Custom": "model.polymerization",
     "Diverged": "simulation.step_length",
+    "Environment": "motility.environments",
     "Exponential": "model.polymerization",
     "Flow": "surface.state",
+    "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
     "Initial": "config",
     "InitialCell": "meshes.cells",
@@ -66,13 +82,19 @@ _HOMES = {
     "Inverse": "model.polymerization",
     "Kymograph": "runs.analysis",
     "Law": "model.polymerization",
+    "Matrix": "motility.environments",
+    "MeasuredCell": "motility.cells",
     "Mesh": "config",
+    "Migration": "studies.migration",
+    "Mixed": "motility.environments",
     "Model": "surface.model",
     "OBSERVABLES": "observables",
     "Observable": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
+    "Patch": "motility.environments",
     "PhaseDiagram": "studies.phase_diagram",
+    "Plates": "motility.environments",
     "Snapshot": "runs.snapshot",
     "Solution": "runs.solution",
     "SpecialPoint": "studies.branch",
@@ -94,6 +116,7 @@ _HOMES = {
     "figures": "figures",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
+    "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
@@ -121,12 +144,16 @@ __all__ = [
     "Branch",
     "Cell",
     "Change",
+    "Channel",
     "Config",
+    "CortexDrag",
     "Cue",
     "Custom",
     "Diverged",
+    "Environment",
     "Exponential",
     "Flow",
+    "Fluid",
     "Icosphere",
     "Initial",
     "InitialCell",
@@ -134,12 +161,18 @@ __all__ = [
     "Inverse",
     "Kymograph",
     "Law",
+    "Matrix",
+    "MeasuredCell",
     "Mesh",
+    "Migration",
+    "Mixed",
     "Model",
     "Observable",
     "Output",
     "Parameters",
+    "Patch",
     "PhaseDiagram",
+    "Plates",
     "Snapshot",
     "Solution",
     "SpecialPoint",
@@ -161,6 +194,7 @@ __all__ = [
     "figures",
     "growth_rate",
     "load",
+    "migrate",
     "observable",
     "observed",
     "parameters_from_toml",

@@ -114,6 +114,15 @@ def html_picture(result: Any, drawing: str, **options: Any) -> str:
     return str(_drawing("figures.html_picture")(result, _drawing(drawing), **options))
 
 
+def outside(name: str, *arguments: Any, **options: Any) -> Any:
+    """What a function gives that looks at results from a package above: "exports.export.export".
+
+    It is imported here, and not before.
+    """
+    module, _, function = name.rpartition(".")
+    return getattr(import_module(f"amoeboid.{module}"), function)(*arguments, **options)
+
+
 def _drawing(name: str) -> Any:
     module, function = name.split(".")
     return getattr(import_module(f"amoeboid.plotting.{module}"), function)

@@ -21,10 +21,13 @@ from amoeboid.validation import InvalidInput
 # its heavy imports belong into execute, so that --help stays quick.
 COMMANDS = {
     "run": "a 3D simulation; with no argument, figure 3D of the paper",
+    "show": "what a stored run is, how it ended, and its picture again",
+    "export": "a stored run for other programs (vtp, csv, netcdf, ...) and as a movie",
     "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "motility": "migration velocity in a fluid, a matrix, on substrates and in channels",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

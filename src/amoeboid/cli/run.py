@@ -9,16 +9,15 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn_together
-from amoeboid.cli.settings import add_settings, field_table, print_json, say_parameters
+from amoeboid.cli.settings import add_settings, field_table, path, print_json, say_parameters
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, with_settings
-from amoeboid.validation import InvalidInput, is_text
+from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from amoeboid.output.folder import RunFolder
@@ -32,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "config",
         nargs="?",
-        type=_path,
+        type=path,
         metavar="CONFIG.toml",
         help="sections [parameters] [mesh] [initial] [time] [output] [changes] [cue]; what it "
         "leaves out keeps its default",
@@ -40,12 +39,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o",
         "--output",
-        type=_path,
+        type=path,
         metavar="DIR",
         help="folder to write to, new or empty (default: amoeboid-run, or the next free number)",
     )
     parser.add_argument(
-        "--resume", type=_path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
+        "--resume", type=path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
     )
     parser.add_argument(
         "--until",
@@ -63,14 +62,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "130 interrupted (go on with --resume); pictures are drawn last, and one that fails is a\n"
         "message only"
     )
-
-
-def _path(text: str) -> Path:
-    if not text.strip():
-        raise argparse.ArgumentTypeError("a path must not be empty")
-    if not is_text(text):
-        raise argparse.ArgumentTypeError(f"a path must be text in UTF-8, got {text!r}; rename it")
-    return Path(text)
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -102,13 +93,9 @@ def execute(args: argparse.Namespace) -> int:
 
 def _change(summary: dict[str, Any], why: str, t: float) -> str:
     """How fast a cell that is not steady changes, and how to follow it further."""
-    changes = number(summary["rate_of_change"], 3)
-    text = f"shape or concentration changes at a relative rate of {changes}"
-    growth = summary["speed_growth"]
-    if growth is not None:
-        word = "grows" if growth > 0 else "falls"
-        text += f", max_retrograde_speed {word} at {number(abs(growth), 3)}"
-    text += " per unit time"
+    from amoeboid.runs.words import change
+
+    text = change(summary)
     if why == "end of time":
         folder = shlex.quote(summary["output"])
         text += f"; to continue: amoeboid run --resume {folder} --set time.end={2 * t:g}"
@@ -211,31 +198,17 @@ def _draw(run: RunFolder, last: Step) -> None:
     drawn_together(
         "run",
         {
-            run.folder / "trajectory.png": lambda path: save_trajectory_picture(
-                path, times, positions, R0
+            run.folder / "trajectory.png": lambda file: save_trajectory_picture(
+                file, times, positions, R0
             ),
-            run.folder / "cell.png": lambda path: save_cell_picture(path, last),
+            run.folder / "cell.png": lambda file: save_cell_picture(file, last),
         },
     )
 
 
-def _stability(last: Step) -> str:
-    """Whether the state is steady, and what becomes of small perturbations of it."""
-    if last.rest is None:
-        return "the state is not steady: it still changes, or grows slowly from rest"
-    if last.stability == "unknown":
-        return f"the state is steady, but its stability is unknown: {last.stability_problem}"
-    growth, error = last.growth or 0.0, last.growth_error or 0.0
-    size = f"{number(abs(growth), 3)} +- {number(error, 1)} per unit time"
-    if last.stability == "stable":
-        return f"the state is steady and stable: its slowest perturbation decays at {size}"
-    if last.steady:
-        return f"the state is steady but unstable: a perturbation grows, slowly, at {size}"
-    return f"the state is unstable: its fastest perturbation grows at {size}"
-
-
 def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     from amoeboid.observables import units as observable_units
+    from amoeboid.runs.words import stability
 
     meanings = {
         "max_retrograde_speed": "fastest flow along the surface",
@@ -248,7 +221,7 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     units = {name: "" if known[name] == "1" else known[name] or "" for name in meanings}
     rows = [(name, number(summary[name]), units[name], meanings[name]) for name in meanings]
     say(*table(("", "", "", ""), rows, "<<<<", width()))
-    say(_stability(last))
+    say(stability(last))
     if last.rest is None:
         say(_change(summary, why, last.state.t))
     t, wall = number(last.state.t, 4), number(summary["wall_s"], 3)

@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from amoeboid.cli.output import say
@@ -14,7 +15,7 @@ from amoeboid.cli.tables import width
 from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
-from amoeboid.validation import InvalidInput, rule
+from amoeboid.validation import InvalidInput, is_text, rule
 
 ANY_FIELD = " or any other field of the configuration (time.end=50)"
 
@@ -54,6 +55,15 @@ def whole(text: str) -> int:
     if not WHOLE_NUMBER.fullmatch(text.strip()):
         raise argparse.ArgumentTypeError(f"must be a whole number, got {text[:40]!r}")
     return int(text)
+
+
+def path(text: str) -> Path:
+    """An option's path."""
+    if not text.strip():
+        raise argparse.ArgumentTypeError("a path must not be empty")
+    if not is_text(text):
+        raise argparse.ArgumentTypeError(f"a path must be text in UTF-8, got {text!r}; rename it")
+    return Path(text)
 
 
 def number_or_quantity(text: str) -> float | str:

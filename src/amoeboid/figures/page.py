@@ -1,4 +1,6 @@
-"""A cell as a page of HTML that turns it, and needs neither a network nor other files.
+"""A cell, or the frames of a run, as a page of HTML that turns it.
+
+It needs neither a network nor other files.
 
 The page is `page.html`, with the names in double braces replaced.
 """
@@ -7,10 +9,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
+from typing import Any
 
 import numpy as np
 
@@ -22,45 +25,52 @@ DIGITS = 4  # of positions and arrows [decimals of R0], and of concentrations [s
 
 
 @dataclass(frozen=True, kw_only=True)
-class Scene:
-    """What the page shows: a cell about its center with lengths in R0, its rear at +z.
+class Moment:
+    """A cell at a time, about its center with lengths in R0.
 
-    `nodes` (V, 3), `faces` (F, 3), `c` (V,) as `label` says, `arrows` (V, 3) [R0], drawn at the
-    nodes where `chosen` (V,); the half x > 0 is the one shown transparent. `view` (3, 3): rows
-    right, up and towards the reader. `moves`: whether the direction of migration, -z, is shown.
-    `about` is what a reader who does not see the cell needs, `values` a table beside it.
+    `nodes` (V, 3), `faces` (F, 3), `c` (V,), `arrows` (V, 3) [R0], drawn at the nodes where
+    `chosen` (V,); `words` say when it is.
+    """
+
+    nodes: Array
+    faces: Array
+    c: Array
+    arrows: Array
+    chosen: Array
+    words: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene(Moment):
+    """What the page shows: a cell with its rear at +z, and all that does not change in time.
+
+    The half x > 0 is the one shown transparent. `label` says what c is, `limits` are the ends of
+    its colors. `view` (3, 3): rows right, up and towards the reader. `moves`: whether the
+    direction of migration, -z, is shown. `about` is what a reader who does not see the cell needs,
+    `values` a table beside it.
     """
 
     title: str
     about: str
     label: str
     values: Mapping[str, str]
-    nodes: Array
-    faces: Array
-    c: Array
     limits: tuple[float, float]
-    arrows: Array
-    chosen: Array
     view: Array
     moves: bool
 
 
-def page(scene: Scene) -> str:
-    """The page as text."""
+def page(scene: Scene, later: Iterable[Moment] = ()) -> str:
+    """The page as text; with later times of the cell it has a bar to choose among them."""
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 
     colors = [to_hex(color) for color in colormaps[COLOR_MAP](np.linspace(0.0, 1.0, COLORS))]
-    chosen = np.flatnonzero(scene.chosen)
     low, high = scene.limits
     data = {
-        "nodes": np.round(scene.nodes, DIGITS).tolist(),
-        "faces": np.asarray(scene.faces, dtype=int).tolist(),
-        "c": [float(f"{c:.{DIGITS}g}") for c in scene.c],
+        **moment(scene),
         "low": low,
         "high": high,
         "colors": colors,
-        "arrows": [[int(k), *np.round(scene.arrows[k], DIGITS).tolist()] for k in chosen],
         "view": scene.view.tolist(),
         "moves": bool(scene.moves),
         "front": ORANGE,
@@ -76,7 +86,35 @@ def page(scene: Scene) -> str:
         "low": f"{low:.4g}",
         "high": f"{high:.4g}",
         "rows": rows,
-        "data": json.dumps(data, separators=(",", ":")),  # numbers and colors, no words
+        "data": f'{written(data)[:-1]},"later":[{",".join(_changes(scene, later))}]}}',
     }
     text = (files("amoeboid.figures") / "page.html").read_text(encoding="utf-8")
     return re.sub(r"\{\{(\w+)\}\}", lambda found: words[found.group(1)], text)
+
+
+def moment(one: Moment) -> dict[str, Any]:
+    """Numbers of a cell as the page reads them."""
+    chosen = np.flatnonzero(one.chosen)
+    return {
+        "nodes": np.round(one.nodes, DIGITS).tolist(),
+        "faces": np.asarray(one.faces, dtype=int).tolist(),
+        "c": [float(f"{c:.{DIGITS}g}") for c in one.c],
+        "arrows": [[int(k), *np.round(one.arrows[k], DIGITS).tolist()] for k in chosen],
+        "words": one.words,
+    }
+
+
+def written(data: dict[str, Any]) -> str:
+    """JSON that ends no element of HTML."""
+    return json.dumps(data, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _changes(first: Moment, later: Iterable[Moment]) -> Iterator[str]:
+    """Each later cell; its triangles only where they are not those of the one before it."""
+    faces = first.faces
+    for one in later:
+        data = moment(one)
+        if np.array_equal(one.faces, faces):
+            del data["faces"]
+        faces = one.faces
+        yield written(data)

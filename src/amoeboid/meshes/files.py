@@ -9,7 +9,7 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +41,7 @@ SIGNATURES = {
     b"\xfe\xff": "text in UTF-16; save it as plain text (UTF-8)",
     b"version https://git-lfs": "not the file but a reference to it (Git LFS); fetch the file",
 }
+VECTORS = "vectors "  # before the names of vectors among the arrays of a file
 BEGINNINGS = {b"ply": "ply", b"solid": "stl", b"<?xml": "vtp", b"<VTKFile": "vtp"}
 
 
@@ -48,13 +49,15 @@ BEGINNINGS = {b"ply": "ply", b"solid": "stl", b"<?xml": "vtp", b"<VTKFile": "vtp
 class SurfaceFile:
     """What a file holds: nodes r (V, 3), faces (F, 3), and the fields of a frame, if it has them.
 
-    c (V,) or None; `fields` whatever else of a frame was found: t, zeta0.
+    c (V,) or None; `fields` whatever else of a frame was found: t, zeta0; `vectors` (V, 3) at the
+    nodes by their names.
     """
 
     r: Array
     faces: Index
     c: Array | None
     fields: dict[str, float]
+    vectors: dict[str, Array] = field(default_factory=dict)
 
 
 def surface_file(path: str, field: str, formats: tuple[str, ...] = FORMATS) -> SurfaceFile:
@@ -84,7 +87,12 @@ def surface_file(path: str, field: str, formats: tuple[str, ...] = FORMATS) -> S
         if name in contents and contents[name].size == 1
     }
     faces = contents["faces"].astype(np.int64)
-    return SurfaceFile(contents["points"], faces, contents.get("c"), fields)
+    vectors = {
+        name.removeprefix(VECTORS): values
+        for name, values in contents.items()
+        if name.startswith(VECTORS)
+    }
+    return SurfaceFile(contents["points"], faces, contents.get("c"), fields, vectors)
 
 
 def _data(path: str, field: str) -> bytes:

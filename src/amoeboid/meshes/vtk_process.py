@@ -1,8 +1,8 @@
 """Reads one .vtp file with VTK; a program of its own, see `files`.
 
 Arguments: the file and where to write an .npz archive of plain arrays: `points` (V, 3), `faces`
-(F, 3) with polygons and strips cut into triangles, and what the file holds of `c`, `t`, `zeta0`;
-or only `problem`, a text.
+(F, 3) with polygons and strips cut into triangles, what the file holds of `c`, `t`, `zeta0`, and
+`vectors NAME` (V, 3) at the points; or only `problem`, a text.
 """
 
 from __future__ import annotations
@@ -62,6 +62,11 @@ def _contents(surface: Any) -> dict[str, Any]:
         array = data.GetArray(name)
         if array is not None:
             contents[name] = vtk_to_numpy(array).astype(np.float64)
+    at_points = surface.GetPointData()
+    for k in range(at_points.GetNumberOfArrays()):
+        array = at_points.GetArray(k)
+        if array is not None and array.GetNumberOfComponents() == 3 and array.GetName():
+            contents[f"vectors {array.GetName()}"] = vtk_to_numpy(array).astype(np.float64)
     return contents
 
 

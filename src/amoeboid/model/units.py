@@ -16,7 +16,17 @@ from amoeboid.validation import InvalidInput
 
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
 _CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg"}
-_CUSTOMARY = {"M/(L T^2)": "Pa", "M/T^2": "mN/m", "M/T": "mPa s m", "M L^2/(T^2 N)": "Pa m^3"}
+_CUSTOMARY = {
+    "M/(L T^2)": "Pa",
+    "M/T^2": "mN/m",
+    "M/T": "mPa s m",
+    "M L^2/(T^2 N)": "Pa m^3",
+    "M/(L T)": "mPa s",
+    "M/(L^2 T)": "Pa s/um",
+    "M L/T": "pN s",
+    "M L^2/T": "pN um s",
+    "M L^2/T^3": "aW",
+}
 # Signs of print, and blanks of any width, as the keyboard has them.
 _SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
 _TOKEN = re.compile(

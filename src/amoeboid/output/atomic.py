@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from amoeboid.validation import InvalidInput
@@ -20,13 +21,28 @@ def remove_partial(folder: Path) -> None:
 
 
 def write_atomically(path: Path, write: Callable[[Path], None]) -> None:
-    """Let `write` make a file under a temporary name beside `path`, then rename it."""
+    """Let `write` make a file under a temporary name beside `path`, then rename it.
+
+    Raises OSError, which names `path`: of a full disk the system does not say which file it was.
+    """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}.partial{path.suffix}")
     try:
-        write(temporary)
-        os.replace(temporary, path)
+        with naming(path, temporary):
+            write(temporary)
+            os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def naming(path: Path, temporary: Path | None = None) -> Iterator[None]:
+    """Let an OSError that names no file, or a temporary one, name this file."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(temporary)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -78,7 +94,7 @@ class GrowingFile:
             self.write(whole())
             return
         data = text.encode()
-        with self.path.open("r+b", buffering=0) as file:
+        with naming(self.path), self.path.open("r+b", buffering=0) as file:
             file.seek(place)
             rest = memoryview(data + self.end.encode())
             while rest:

@@ -55,7 +55,7 @@ class FrameFiles:
         t = step.state.t
         self.times.append(t)
         self.schedule.latest = t
-        self._collection.extend(_entry(t, name), lambda: _collection(self.kept()))
+        self._collection.extend(_entry(t, name), lambda: collection(self.kept()))
 
     def finish(self, step: Step) -> None:
         """Write the frame of the last step, unless the frames are at times that were asked for."""
@@ -70,7 +70,7 @@ class FrameFiles:
         """Write the list of the frames that are still there, if there are any; gives them."""
         kept = self.kept()
         if kept:
-            self._collection.write(_collection(kept))
+            self._collection.write(collection(kept))
         return kept
 
 
@@ -164,18 +164,18 @@ def frame_name(count: int) -> str:
 _COLLECTION_END = "  </Collection>\n</VTKFile>\n"
 
 
-def _collection(frame_times: list[tuple[float, str]]) -> str:
-    """ParaView's list of frames and their times (.pvd)."""
+def collection(frame_times: list[tuple[float, str]], where: str = "frames/") -> str:
+    """ParaView's list of frames and their times (.pvd); `where`: the folder of the frames."""
     return "".join(
         [
             '<?xml version="1.0"?>\n',
             '<VTKFile type="Collection" version="0.1" byte_order="LittleEndian">\n',
             "  <Collection>\n",
-            *(_entry(t, name) for t, name in frame_times),
+            *(_entry(t, name, where) for t, name in frame_times),
             _COLLECTION_END,
         ]
     )
 
 
-def _entry(t: float, name: str) -> str:
-    return f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"frames/{name}")}/>\n'
+def _entry(t: float, name: str, where: str = "frames/") -> str:
+    return f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"{where}{name}")}/>\n'

@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from amoeboid.arrays import Array, Index
+from amoeboid.plotting.palette import INK
 
 SMOOTHING = 2  # pixels drawn for one of the picture, in both directions
 FACET = 16.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
@@ -30,6 +31,17 @@ def colors(values: Array) -> Array:
     table = np.array([[int(a[k : k + 2], 16) for k in (1, 3, 5)] for a in ANCHORS], dtype=float)
     places = np.linspace(0.0, 1.0, len(table))
     return np.stack([np.interp(values, places, table[:, k]) for k in range(3)], axis=-1)
+
+
+def shade(value: float) -> tuple[int, ...]:
+    """The color of one value from 0 to 1, as Pillow takes it."""
+    return tuple(np.rint(colors(np.array(value))).astype(int).tolist())
+
+
+def round_length(longest: float) -> float:
+    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
+    power = 10.0 ** np.floor(np.log10(longest))
+    return float(max(k for k in (1.0, 2.0, 5.0) if k * power <= longest) * power)
 
 
 class Canvas:
@@ -88,7 +100,16 @@ class Canvas:
         self.solid(np.concatenate([start + rod, neck + rod]), color)
         self.solid(np.concatenate([neck + 2.5 * rod, tip[None]]), color)
 
-    def solid(self, points: Array, color: str) -> None:
+    def line(self, start: Array, end: Array, width: float, color: str) -> None:
+        """A line of a width, across the view."""
+        along = end - start
+        across = np.cross(self._sight, along)
+        length = float(np.linalg.norm(across))
+        if length > 0.0:
+            half = (0.5 * width / length) * across
+            self.solid(np.array([start - half, start + half, end - half, end + half]), color)
+
+    def solid(self, points: Array, color: Any) -> None:
         """The convex hull of points (n, 3), in front of what its nearest point is in front of."""
         depth = float((points @ self._sight).max())
         self._solids.append((depth, _hull(self.place(points)).ravel().tolist(), color))
@@ -107,14 +128,26 @@ class Canvas:
         block = np.repeat(np.rint(strip)[None].astype(np.uint8), high - low, axis=0)
         self._image.paste(Image.fromarray(block), (begin, low))
 
+    def color_bar(self, low: float, high: float, title: str, font_size: float) -> None:
+        """The bar of colors along the lower edge, with five numbers and what they are."""
+        self.bar(0.2, 0.93, 0.8, 0.96)
+        for share in (0.0, 0.25, 0.5, 0.75, 1.0):
+            number = f"{low + share * (high - low):.4g}"
+            self.text(self.share(0.2 + 0.6 * share, 0.915), number, INK, font_size)
+        self.text(self.share(0.5, 0.868), title, INK, 1.15 * font_size)
+
     def share(self, x: float, y: float) -> Array:
         """The place at shares of the width from the left and of the height from the top."""
         return np.array([x * self._size[0], y * self._size[1]])
 
+    def image(self) -> Image.Image:
+        """The picture."""
+        self._flush()
+        return self._image.reduce(SMOOTHING)
+
     def save(self, path: Path) -> None:
         """Write a PNG file."""
-        self._flush()
-        self._image.reduce(SMOOTHING).save(path, format="png", compress_level=4)
+        self.image().save(path, format="png", compress_level=4)
 
     def _flush(self) -> None:
         for _, polygon, color in sorted(self._solids, key=lambda solid: solid[0]):

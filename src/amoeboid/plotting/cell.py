@@ -15,11 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
 from amoeboid.output.atomic import write_atomically
 from amoeboid.plotting import cell_process
 from amoeboid.simulation.step import Step
+from amoeboid.studies.columns import magnitude, unit
+from amoeboid.surface.cell import SurfaceCell
 
 MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
 MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few
@@ -35,28 +36,36 @@ def save_cell_picture(path: Path, step: Step) -> None:
 
     Raises NoPicture if the process fails, and OSError.
     """
+    save_picture(path, step.cell)
+
+
+def save_picture(path: Path, cell: SurfaceCell) -> None:
+    """The same of a cell."""
     archive = io.BytesIO()
-    np.savez(archive, allow_pickle=False, **scene(step))
+    np.savez(archive, allow_pickle=False, **scene(cell))
     write_atomically(path, lambda p: _draw(p, archive.getvalue()))
 
 
-def scene(step: Step) -> dict[str, Any]:
-    """What the drawing process needs to know of a step, see there."""
-    model, state, flow = step.model, step.state, step.flow
-    R0 = model.parameters.R0
-    fastest = max_retrograde_speed(step.cell)
+def scene(cell: SurfaceCell) -> dict[str, Any]:
+    """What the drawing process needs to know of a cell, see there; in the units of its parameters.
+
+    Those of a cell with physical units are micrometres, seconds and the like.
+    """
+    p = cell.parameters
+    fastest = max_retrograde_speed(cell)
     return {
-        "r": state.r - volume_centroid(state.r, model.mesh.faces),
-        "faces": model.mesh.faces,
-        "c": state.c,
-        "normals": flow.normals,
-        "flow": retrograde_flow(step.cell),
-        "polarization": polarization(step.cell),
-        "R0": R0,
-        "c0": model.parameters.c0,
-        "t": state.t,
-        "fastest": fastest,
-        "moving": fastest > MIN_FLOW * model.rate * R0,
+        "r": magnitude(p, cell.x, "L"),
+        "faces": cell.faces,
+        "c": magnitude(p, cell.c, "N/L^2"),
+        "normals": cell.normals,
+        "flow": magnitude(p, retrograde_flow(cell), "L/T"),
+        "polarization": polarization(cell),
+        "R0": magnitude(p, p.R0, "L"),
+        "c0": magnitude(p, p.c0, "N/L^2"),
+        "t": magnitude(p, cell.t, "T"),
+        "fastest": magnitude(p, fastest, "L/T"),
+        "moving": fastest > MIN_FLOW * cell.rate * p.R0,
+        "units": [f"[{unit(p, dimension)}]" for dimension in ("L", "T", "N/L^2", "L/T")],
     }
 
 

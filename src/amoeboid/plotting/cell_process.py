@@ -2,13 +2,15 @@
 
 Argument: the PNG file to write. Standard input: an .npz archive, `r` (V, 3) about the centroid,
 `faces` (F, 3), `c` (V,), `normals` (V, 3), `flow` (V, 3) the retrograde flow, `polarization` (3,),
-and the numbers `R0`, `c0`, `t`, `fastest` (of the flow) and `moving` (whether that is a motion).
+the numbers `R0`, `c0`, `t`, `fastest` (of the flow) and `moving` (whether that is a motion), and
+the texts `units` (4,) of length, time, concentration and speed.
 """
 
 from __future__ import annotations
 
 import io
 import sys
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
-from amoeboid.plotting.canvas import Canvas
+from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.palette import INK, ORANGE
 
 Scene = dict[str, NDArray[Any]]
@@ -24,8 +26,32 @@ Scene = dict[str, NDArray[Any]]
 ARROWS = 170
 WINDOW = (1500, 1100)
 ARROW = 0.34  # length of the arrow of the fastest flow in units of R0
-FONT_SIZE = 25
+FONT_SIZE = 25  # pixels of a picture of WINDOW[0] pixels
 HEIGHT = 1.352  # from the middle of the picture to its edge, in units of the size of the cell
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """From where pictures are seen, and their scales; several may share it.
+
+    `axes`: right, up and towards the viewer; `middle` (3,) of the picture; `size`: the length that
+    `HEIGHT` of it fills from there to the upper edge; `limits`: lowest and highest concentration of
+    the colors; `fastest`: the flow whose arrow has the length ARROW R0; `window`: pixels; `about`
+    (3,): what the scales are placed about.
+    """
+
+    axes: tuple[Array, Array, Array]
+    middle: Array
+    size: float
+    limits: tuple[float, float]
+    fastest: float
+    window: tuple[int, int] = WINDOW
+    about: Array = field(default_factory=lambda: np.zeros(3))
+
+    @property
+    def font(self) -> float:
+        """Size of the font [pixels]."""
+        return FONT_SIZE * self.window[0] / WINDOW[0]
 
 
 def main(path: str) -> None:
@@ -35,79 +61,79 @@ def main(path: str) -> None:
 
 
 def draw(path: str, scene: Scene) -> None:
-    """Write the picture of a scene."""
+    """Write the picture of a scene, seen from its side, with the arrow of migration."""
     R0, moving = float(scene["R0"]), bool(scene["moving"])
-    r = scene["r"]
-    rear, side = _view_axes(scene["polarization"])
-    above, sight = np.cross(side, rear), _sight(rear, side)
-    right = np.cross(above, sight)
-    right /= np.linalg.norm(right)
-    axes = right, np.cross(sight, right), sight
-    size = max(R0, float(np.linalg.norm(r, axis=1).max()))
+    rear, side = view_axes(scene["polarization"])
+    above, axes = np.cross(side, rear), seen_along(rear, side)
+    size = max(R0, float(np.linalg.norm(scene["r"], axis=1).max()))
     middle = size * ((-0.3 if moving else 0.0) * rear - 0.14 * above)
-    canvas = Canvas(*WINDOW, axes, middle, HEIGHT * size)
-    low, high = _color_limits(scene["c"], float(scene["c0"]))
-    canvas.surface(r, scene["normals"], scene["faces"], (scene["c"] - low) / (high - low))
+    limits = color_limits(float(scene["c"].min()), float(scene["c"].max()), float(scene["c0"]))
+    view = View(axes, middle, size, limits, float(scene["fastest"]))
+    canvas = picture(scene, view)
     if moving:
-        longest = ARROW * R0 / float(scene["fastest"])
-        for k in spread_out(r, ARROWS):
-            canvas.arrow(r[k] + 0.02 * R0 * scene["normals"][k], longest * scene["flow"][k], INK)
-        start = (np.min(r @ rear) - 0.12 * R0) * rear
+        start = (np.min(scene["r"] @ rear) - 0.12 * R0) * rear
         canvas.arrow(start, -0.55 * R0 * rear, ORANGE, head=0.32, width=0.035)
-        _label(canvas, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", ORANGE)
-    _add_scale(canvas, axes, size, R0, float(scene["fastest"]) if moving else None)
-    canvas.text(canvas.share(0.03, 0.06), f"t = {float(scene['t']):.4g} [T]", INK, FONT_SIZE, "lm")
-    _add_colors(canvas, low, high)
+        _label(canvas, view, start - 0.28 * R0 * rear + 0.16 * R0 * above, "front", ORANGE)
+    add_scales(canvas, scene, view)
     canvas.save(Path(path))
 
 
-def _add_colors(canvas: Canvas, low: float, high: float) -> None:
-    """The bar of colors, with five numbers and what they are."""
-    canvas.bar(0.2, 0.93, 0.8, 0.96)
-    for share in (0.0, 0.25, 0.5, 0.75, 1.0):
-        number = f"{low + share * (high - low):.4g}"
-        canvas.text(canvas.share(0.2 + 0.6 * share, 0.915), number, INK, FONT_SIZE)
-    title = "filament concentration c [N/L^2]"
-    canvas.text(canvas.share(0.5, 0.868), title, INK, 1.15 * FONT_SIZE)
+def picture(scene: Scene, view: View) -> Canvas:
+    """The cell of a scene and the arrows of its flow, nothing else."""
+    R0, r = float(scene["R0"]), scene["r"]
+    canvas = Canvas(*view.window, view.axes, view.middle, HEIGHT * view.size)
+    low, high = view.limits
+    canvas.surface(r, scene["normals"], scene["faces"], (scene["c"] - low) / (high - low))
+    if scene["moving"]:
+        longest = ARROW * R0 / view.fastest
+        for k in spread_out(r, ARROWS):
+            canvas.arrow(r[k] + 0.02 * R0 * scene["normals"][k], longest * scene["flow"][k], INK)
+    return canvas
 
 
-def _add_scale(
-    canvas: Canvas, axes: tuple[Array, Array, Array], size: float, R0: float, fastest: float | None
-) -> None:
+def add_scales(canvas: Canvas, scene: Scene, view: View) -> None:
+    """What a picture is measured by: a bar of length, the longest arrow, the time, the colors."""
+    length, time, concentration, speed = (str(unit) for unit in scene["units"])
+    words = f"t = {float(scene['t']):.4g} {time}"
+    canvas.text(canvas.share(0.03, 0.06), words, INK, view.font, "lm")
+    _add_scale(canvas, view, float(scene["R0"]), length, speed if scene["moving"] else None)
+    canvas.color_bar(*view.limits, f"filament concentration c {concentration}", view.font)
+
+
+def _add_scale(canvas: Canvas, view: View, R0: float, unit: str, speed: str | None) -> None:
     """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
-    right, up, _ = axes
-    length = _round_length(0.6 * R0)
-    end = size * (1.45 * right + 1.0 * up)
-    half = 0.015 * R0 * up
+    right, up, _ = view.axes
+    size, about = view.size, view.about
+    length = round_length(0.6 * size)
+    end = about + size * (1.45 * right + 1.0 * up)
+    half = 0.015 * size * up
     corners = [end - half, end + half, end - length * right - half, end - length * right + half]
     canvas.solid(np.array(corners), INK)
-    _label(canvas, end - 0.5 * length * right - 0.14 * size * up, f"{length:g} [L]", INK)
-    if fastest is not None:
-        begin = size * (-1.5 * right - 0.65 * up)
+    place = end - 0.5 * length * right - 0.14 * size * up
+    _label(canvas, view, place, f"{length:g} {unit}", INK)
+    if speed is not None:
+        begin = about + size * (-1.5 * right - 0.65 * up)
         canvas.arrow(begin, ARROW * R0 * right, INK)
         place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
-        _label(canvas, place, f"retrograde flow {fastest:.3g} [L/T]", INK)
+        _label(canvas, view, place, f"retrograde flow {view.fastest:.3g} {speed}", INK)
 
 
-def _round_length(longest: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten that is no longer."""
-    power = 10.0 ** np.floor(np.log10(longest))
-    return float(max(k for k in (1.0, 2.0, 5.0) if k * power <= longest) * power)
+def seen_along(rear: Array, side: Array) -> tuple[Array, Array, Array]:
+    """The axes of a view: the viewer looks from the side, a little from above and from behind."""
+    above = np.cross(side, rear)
+    sight = side + 0.25 * above + 0.3 * rear
+    sight /= np.linalg.norm(sight)
+    right = np.cross(above, sight)
+    right /= np.linalg.norm(right)
+    return right, np.cross(sight, right), sight
 
 
-def _sight(rear: Array, side: Array) -> Array:
-    """Unit vector towards the viewer, who looks a little from above and from behind."""
-    sight = side + 0.25 * np.cross(side, rear) + 0.3 * rear
-    return np.asarray(sight / np.linalg.norm(sight))
+def _label(canvas: Canvas, view: View, place: Array, text: str, color: str) -> None:
+    canvas.text(canvas.place(place), text, color, view.font)
 
 
-def _label(canvas: Canvas, place: Array, text: str, color: str) -> None:
-    canvas.text(canvas.place(place), text, color, FONT_SIZE)
-
-
-def _color_limits(c: Array, c0: float) -> tuple[float, float]:
+def color_limits(low: float, high: float, c0: float) -> tuple[float, float]:
     """From lowest to highest c; a homogeneous cell gets a range that shows no noise."""
-    low, high = float(c.min()), float(c.max())
     least = 0.05 * max(c0, abs(high))
     if high - low < least:
         middle = 0.5 * (low + high)
@@ -115,7 +141,7 @@ def _color_limits(c: Array, c0: float) -> tuple[float, float]:
     return low, high
 
 
-def _view_axes(vector: Array) -> tuple[Array, Array]:
+def view_axes(vector: Array) -> tuple[Array, Array]:
     """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
     size = np.linalg.norm(vector)
     rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])

@@ -1,51 +1,38 @@
-"""The way of a cell with all drag on its cortex, in the plane that holds most of it and across."""
+"""The way of a cell with all drag on its cortex, seen onto its main plane and along it."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.plotting.figures import new_figure, own_settings, write_figure
-from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK
+from amoeboid.output.atomic import write_atomically
+from amoeboid.plotting.canvas import ROUND, Canvas, round_length, shade
+from amoeboid.plotting.palette import GRAY, INK
 
 MIN_WAY = 1.0  # in units of R0: a cell that has come less far has not moved
+MAX_DOTS = 2000
+WINDOW = (1500, 1000)
+FONT_SIZE = 22
+WIDTH, HEIGHT, GAP = 2.7, 0.9, 0.3  # of the two views and between them; the picture is 3 by 2
+DOT = 0.012
 
 
-@own_settings()
 def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, R0: float) -> bool:
     """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
 
-    Positions are those of `State.position`: drag on the cortex alone. Axes: the principal axes of
-    the way, the longest first; the unit is R0.
+    Positions are those of `State.position`: drag on the cortex alone. The view is along the
+    principal axes of the way, the longest to the right; the bar is so many R0 long.
     """
     t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
     if np.linalg.norm(x - x[0], axis=1).max() < MIN_WAY:
         return False
-    way = along_principal_axes(x)
-    # every run draws this: matplotlib takes as long to find places as to draw
-    figure = new_figure(9.6, 4.6, layout=None)
-    figure.subplots_adjust(left=0.1, right=0.87, bottom=0.12, top=0.85, wspace=0.32)
-    first = figure.add_subplot(1, 2, 1)
-    second = figure.add_subplot(1, 2, 2, sharex=first)
-    shown = None
-    for axes, k, title in ((first, 1, "in its main plane"), (second, 2, "across that plane")):
-        axes.plot(way[:, 0], way[:, k], color=GRAY, linewidth=0.8)
-        shown = axes.scatter(way[:, 0], way[:, k], c=t, s=7, cmap=COLOR_MAP, zorder=3)
-        axes.plot(*way[0, [0, k]], "o", color=INK, markersize=6, zorder=4)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.set_title(title, fontsize=10, color=INK)
-        axes.set_xlabel("first principal axis [R\N{SUBSCRIPT ZERO}]")
-        axes.set_ylabel(f"{'second' if k == 1 else 'third'} principal axis [R\N{SUBSCRIPT ZERO}]")
-    if shown is not None:
-        beside = figure.add_axes((0.9, 0.12, 0.018, 0.73))
-        figure.colorbar(shown, cax=beside, label="time t [T] (dot: start)")
-    figure.suptitle(
-        "way of the cell if all drag is on its cortex, uniformly", fontsize=11, color=INK
-    )
-    write_figure(figure, path, dpi=110)
+    kept = np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_DOTS)).round().astype(int))
+    canvas = _drawn(t[kept], along_principal_axes(x)[kept])
+    write_atomically(path, canvas.save)
     return True
 
 
@@ -55,3 +42,46 @@ def along_principal_axes(x: Array) -> Array:
     # signs that do not depend on the linear algebra library: the way ends on the positive side
     along = (x - x[0]) @ axes.T
     return np.asarray(along * np.where(along[-1] < 0, -1.0, 1.0))
+
+
+def _drawn(t: Array, way: Array) -> Canvas:
+    """Two views of a way, (T, 3) in units of R0 along its principal axes."""
+    canvas = Canvas(*WINDOW, (*np.eye(3),), np.zeros(3), 1.0)
+    low, extent = way.min(axis=0), np.ptp(way, axis=0)
+    scale = float(min(WIDTH / extent[0], HEIGHT / max(extent[1] + extent[2], 1e-9)))
+    middle = 0.12
+    top = middle + 0.5 * (scale * (extent[1] + extent[2]) + GAP)
+    left = -0.5 * scale * extent[0]
+    for k, title in ((1, "seen onto its main plane"), (2, "seen along its main plane")):
+        top -= scale * extent[k]
+        across, along = top + scale * (way[:, k] - low[k]), left + scale * (way[:, 0] - low[0])
+        _add_way(canvas, np.column_stack([along, across, np.zeros(len(t))]), t)
+        place = np.array([left, top + scale * extent[k] + 0.07, 0.0])
+        canvas.text(canvas.place(place), title, GRAY, FONT_SIZE, "lm")
+        top -= GAP
+    title = "trajectory of the cell if all drag is on its cortex, uniformly"
+    canvas.text(canvas.share(0.5, 0.05), title, INK, 1.15 * FONT_SIZE)
+    _add_scale(canvas, scale, float(max(extent[0], 1.0)))
+    canvas.color_bar(float(t[0]), float(t[-1]), "time t [T] (dark dot: start)", FONT_SIZE)
+    return canvas
+
+
+def _add_way(canvas: Canvas, points: Array, t: Array) -> None:
+    """A line, a dot for every point in the color of its time, and one where it starts."""
+    for here, there in pairwise(points):
+        canvas.line(here, there, 0.15 * DOT, GRAY)
+    disk = np.column_stack([np.cos(ROUND), np.sin(ROUND), np.zeros(len(ROUND))])
+    shares = (t - t[0]) / max(float(np.ptp(t)), np.finfo(float).tiny)
+    for k, (place, share) in enumerate(zip(points, shares, strict=True), start=1):
+        above = np.array([0.0, 0.0, k / len(points)])
+        canvas.solid(place + above + DOT * disk, shade(share))
+    canvas.solid(points[0] + np.array([0.0, 0.0, 2.0]) + 1.6 * DOT * disk, INK)
+
+
+def _add_scale(canvas: Canvas, scale: float, longest: float) -> None:
+    """A bar of a round length in units of R0, at the lower right of the views."""
+    length = round_length(0.25 * longest)
+    end = np.array([0.5 * WIDTH, -0.48, 0.0])
+    canvas.line(end - np.array([scale * length, 0.0, 0.0]), end, 0.012, INK)
+    words = canvas.place(end - np.array([0.5 * scale * length, 0.06, 0.0]))
+    canvas.text(words, f"{length:g} R0", INK, FONT_SIZE)

@@ -12,7 +12,7 @@ from amoeboid.arrays import Array
 from amoeboid.display import html_picture, html_table, plotted, shown
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.spherical_harmonics import real_harmonic
-from amoeboid.observables import polarization
+from amoeboid.observables import polarization, retrograde_flow
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.studies.columns import column, dataset, quantity
 from amoeboid.surface.cell import SurfaceCell
@@ -31,11 +31,25 @@ def axis(cell: SurfaceCell, instead: Array) -> Array:
     return np.asarray(vector / size if size > MIN_POLARITY else instead)
 
 
-def along_axis(cell: SurfaceCell, direction: Array, theta: Array) -> Array:
-    """Mean of c (K,) on the circles at angles theta (K,) from an axis through the center of volume.
+def towards(cell: SurfaceCell, direction: Array) -> Array:
+    """Component (V,) of the retrograde flow along the surface towards where an axis points [L/T].
 
-    c is linear on the triangles. Raises InvalidInput for a cell that some ray from its center
-    leaves more than once: there an angle is no place on the surface.
+    That is along the part of the axis which is tangential to the surface; 0 where there is none.
+    """
+    along = direction - (cell.normals @ direction)[:, None] * cell.normals
+    size = np.linalg.norm(along, axis=1)
+    flow = np.einsum("vi,vi->v", retrograde_flow(cell), along)
+    return np.divide(flow, size, out=np.zeros_like(flow), where=size > 0.0)
+
+
+def along_axis(
+    cell: SurfaceCell, direction: Array, theta: Array, field: Array | None = None
+) -> Array:
+    """Mean (K,) of a field (V,), by default c, on circles around an axis through the center.
+
+    theta (K,) are their angles from the axis; fields are linear on the triangles. Raises
+    InvalidInput for a cell that some ray from its center leaves more than once: there an angle is
+    no place on the surface.
     """
     side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
     side /= np.linalg.norm(side)
@@ -44,7 +58,7 @@ def along_axis(cell: SurfaceCell, direction: Array, theta: Array) -> Array:
     circle = np.cos(phi)[:, None] * side + np.sin(phi)[:, None] * across
     corners = _corners(cell)
     inverse = np.linalg.inv(np.swapaxes(corners, 1, 2))  # columns are the corners
-    values = cell.c[cell.faces]
+    values = (cell.c if field is None else field)[cell.faces]
     found = []
     for angle in theta:
         rays = np.cos(angle) * direction + np.sin(angle) * circle

@@ -25,6 +25,7 @@ from amoeboid.runs.solution import simulate
 from amoeboid.simulation.events import steady
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.simulation.step import Step
+from amoeboid.studies.migration import migrate
 
 AROUND, ALONG = 10, 9  # nodes of the bent rod
 
@@ -42,6 +43,7 @@ def call_every_kernel() -> Step:
             path.write_text(_obj(*_bent_rod(sliver)))
             initial = Initial(surface=str(path), repair=sliver)
             _first_steps(Config(parameters=p, initial=initial, time=Time(end=0.05)))
+    migrate(found.final, "fluid")
     last = found.last
     # as after an unsuccessful attempt to remesh: edges are too short for this length
     due(last.state.r, last.model.mesh.faces, 10 * last.model.edge_length, last.state.r)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.display import html_picture, html_table, plotted, shown
+from amoeboid.config import Config
+from amoeboid.display import html_picture, html_table, outside, plotted, shown
 from amoeboid.model.parameters import Parameters
 from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
 from amoeboid.runs.snapshot import SHOWN, Snapshot
@@ -28,6 +30,10 @@ class Run:
     """
 
     if TYPE_CHECKING:  # fields of one kind of run, properties of the other
+
+        @property
+        def config(self) -> Config:
+            """The configuration that the run was made with."""
 
         @property
         def parameters(self) -> Parameters:
@@ -186,6 +192,36 @@ class Run:
     def plot_trajectory(self, ax: Any = None) -> Any:
         """Draw the trajectory in its main plane, colored by time. Takes and returns axes."""
         return plotted(self, "runs.draw_trajectory", ax)
+
+    def export(
+        self,
+        path: Any = None,
+        to: str | None = None,
+        *,
+        frames: Any = None,
+        force: bool = False,
+        follow: bool = False,
+        fps: float | None = None,
+    ) -> list[Path]:
+        """Write the run for other programs, or as a movie; gives the paths of the files.
+
+        `export("movie.mp4")`: the ending names the format; `export("out", "vtp")` fills a folder.
+        Formats: csv, gif, html, mp4, napari, netcdf, ply, stl, trackmate, vtp. `frames`: a slice, a
+        number, or a text such as "0:100:10"; `follow` keeps the cell in the middle; `fps`: of a
+        movie. What is there is not replaced without `force`. Raises InvalidInput, also where a
+        package is missing, and OSError.
+        """
+        return outside(
+            "exports.export.export", self, path, to,
+            frames=frames, force=force, follow=follow, fps=fps,
+        )  # fmt: skip
+
+    def show(self, picture: Any = None) -> Any:
+        """What the run is and how it ended, as `amoeboid show` prints it, with its picture.
+
+        `picture`: its file (.png); by default cell.png in the folder of a stored run.
+        """
+        return outside("exports.summary.summary", self, picture)
 
     @property
     def _end(self) -> str:

@@ -1,0 +1,173 @@
+"""`amoeboid motility`: migration velocity of a cell in environments."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.progress import shown
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json, say_parameters
+from amoeboid.cli.tables import table, text, width
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.studies.migration import Migration
+
+USUAL = "fluid,matrix,patch:30,channel:30"
+# Numbers of each environment in the JSON document, under their names there.
+KEYS = {
+    "velocity": "speed",
+    "velocity_over_max_retrograde_speed": "velocity_over_max_retrograde_speed",
+    "vector": "velocity",
+    "angular_velocity": "angular_velocity",
+    "power": "power",
+    "efficiency": "efficiency",
+    "error": "error",
+}
+SHOWN = ("velocity", "velocity_over_max_retrograde_speed", "power", "efficiency", "error")
+TITLES = {"velocity_over_max_retrograde_speed": "of max_retrograde_speed"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `motility`."""
+    parser.add_argument(
+        "state",
+        nargs="?",
+        type=Path,
+        metavar="STATE",
+        help="the folder of a run, whose last cell is taken, or a surface with vectors (.vtp); "
+        "without it the fastest stable axisymmetric state of the parameters",
+    )
+    parser.add_argument(
+        "--in",
+        dest="environments",
+        default=USUAL,
+        metavar="LIST",
+        help=f"environments, separated by commas; {USUAL} if left out",
+    )
+    add_parameters(parser)
+    parser.add_argument("--flow", metavar="NAME", help="of a surface: the name of its flow")
+    parser.add_argument(
+        "--units",
+        metavar="LENGTH,TIME",
+        help="of a surface: the units of its numbers, such as um,s",
+    )
+    parser.epilog = (
+        "Environments: fluid:VISCOSITY, matrix:TANGENTIAL:normal=N:per_filament=true,\n"
+        "patch:HALF_ANGLE, plates:HALF_ANGLE, channel:HALF_WIDTH (degrees), cortex; several at\n"
+        "once with +, as patch:20+fluid. :coupled=0.2 for a share of the surface that moves with\n"
+        "the cortex. velocity: towards the front, where the concentration is low.\n"
+        "power: what the surroundings take up. efficiency: towing power over power.\n"
+        "error: of the velocity, by the method alone."
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Find the cell, print its velocities."""
+    from amoeboid.studies.migration import migrations
+
+    names = [name.strip() for name in args.environments.split(",")]
+    if not all(names):
+        raise InvalidInput(f"--in takes environments such as {USUAL}, got {args.environments!r}")
+    if args.state is None or Path(args.state).is_dir():
+        for option in ("flow", "units"):
+            if getattr(args, option) is not None:
+                raise InvalidInput(f"--{option} needs a surface with vectors (.vtp); leave it out")
+    if args.state is not None and (args.settings or args.physical):
+        raise InvalidInput(
+            "--set and --physical give the parameters of a steady state, a run or a surface has "
+            "its own; leave them out"
+        )
+    state, parameters = _state(args)
+    with shown():
+        found = dict(zip(names, migrations(state, names), strict=True))
+    if args.json:
+        print_json(_document(found))
+        return 0
+    if parameters is not None:
+        say_parameters(parameters)
+    _print_table(found)
+    return 0
+
+
+def _state(args: argparse.Namespace) -> tuple[Any, Any]:
+    """What moves, and its parameters if it has some."""
+    if args.state is None:
+        from amoeboid.studies.states import steady_states
+
+        p = only_parameters(args)
+        with shown() as watch:
+            found = steady_states(p, (1,), watch)
+        for problem in found.problems:
+            tell("motility", problem)
+        stable = [state for state in found if state.stable]
+        if not stable:
+            tell(
+                "motility", "no stable state was found; this is the fastest one, which is unstable"
+            )
+        return (stable or found)[-1], p
+    if args.state.is_dir():
+        from amoeboid.runs.stored import load
+
+        run = load(args.state)
+        return run.final, run.parameters
+    if not args.state.exists():
+        raise InvalidInput(
+            f"STATE must be the folder of a run or a surface with vectors (.vtp), there is no "
+            f"{str(args.state)!r}; for a steady state give its parameters with --set"
+        )
+    from amoeboid.motility.cells import MeasuredCell
+
+    length, time = _units(args.units)
+    return MeasuredCell.from_file(str(args.state), args.flow, length=length, time=time), None
+
+
+def _units(given: str | None) -> tuple[str | None, str | None]:
+    if given is None:
+        return None, None
+    parts = [part.strip() for part in given.split(",")]
+    if len(parts) != 2 or not all(parts):
+        raise InvalidInput(f"--units takes a length and a time such as um,s, got {given!r}")
+    return parts[0], parts[1]
+
+
+def _document(found: dict[str, Migration]) -> dict[str, Any]:
+    one = next(iter(found.values()))
+    document: dict[str, Any] = {
+        "environments": {
+            name: {key: _number(m.number(source)) for key, source in KEYS.items()}
+            for name, m in found.items()
+        },
+        "front": one.front.tolist(),
+        "squirmer_modes": one.number("squirmer_modes"),
+        "beta": one.number("beta"),
+    }
+    sources = {**KEYS, "squirmer_modes": "squirmer_modes"}
+    units = {key: unit for key, source in sources.items() if (unit := one.unit(source))}
+    return document | ({"units": units} if units else {})
+
+
+def _number(value: Any) -> Any:
+    """A number as JSON has it: an infinite one is null."""
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _print_table(found: dict[str, Migration]) -> None:
+    one = next(iter(found.values()))
+    titles = ["environment"]
+    for key in SHOWN:
+        unit = one.unit(KEYS[key])
+        titles.append(f"{TITLES.get(key, key)} [{unit}]" if unit else TITLES.get(key, key))
+    rows: list[Sequence[str]] = [
+        [name, *(text(m.number(KEYS[key])) for key in SHOWN)] for name, m in found.items()
+    ]
+    say(*table(titles, rows, "<", width()), "")
+    modes = one.number("squirmer_modes")
+    unit = one.unit("squirmer_modes")
+    listed = ", ".join(text(mode) for mode in modes)
+    say(f"Squirmer modes B_1 to B_{len(modes)}: {listed}{f' {unit}' if unit else ''}")
+    say(f"beta = B_2/|B_1| = {text(one.number('beta'))}")

@@ -1,0 +1,44 @@
+"""`amoeboid show`: what a stored run is, and its picture drawn again."""
+
+from __future__ import annotations
+
+import argparse
+
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE
+from amoeboid.cli.settings import path, print_json
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `show`."""
+    parser.add_argument("run", type=path, metavar="RUN", help="the folder of a run")
+    parser.add_argument(
+        "--plot",
+        type=path,
+        metavar="FILE",
+        help="file of the picture (.png; default: cell.png in RUN)",
+    )
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
+    )
+    parser.epilog = (
+        "Observables are those at the end. Units are those of the run: um, s, ... where it has\n"
+        "physical parameters. Exit code 1: a part of the run could not be read, or the picture\n"
+        "could not be drawn; the rest is shown."
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Read, print, draw."""
+    from amoeboid.exports.summary import document, summary
+    from amoeboid.runs.stored import load
+
+    run = load(args.run)
+    found = summary(run, args.plot)
+    if args.json:
+        print_json(document(run, found))
+    else:
+        say(*found.lines)
+    for problem in found.problems:
+        tell("show", problem)
+    return NO_PICTURE if found.problems else 0

@@ -1,0 +1,113 @@
+"""What an export is made from, and what a format is: names of files, and what writes each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.output.frames import frame_arrays
+from amoeboid.runs.run import Run
+from amoeboid.runs.stored import StoredFrames
+from amoeboid.studies.columns import magnitude, unit
+from amoeboid.surface.cell import SurfaceCell
+from amoeboid.validation import InvalidInput
+
+Write = Callable[[Path], None]
+Tell = Callable[[Sequence[str]], None]
+
+
+def untold(_: Sequence[str]) -> None:
+    """No-op callback."""
+
+
+FPS = 25.0
+"""Frames of a movie in a second, unless another number is given."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Job:
+    """A run, the numbers of its frames that are exported, and the options of the export.
+
+    `follow`: positions are about the center of the cell; otherwise they are those of a cell with
+    all drag on its cortex, uniformly. `tell` takes the parts of a line of progress. Numbers are
+    given in the units of the run: micrometres, seconds and the like where it has physical ones.
+    """
+
+    run: Run
+    name: str
+    numbers: range
+    follow: bool = False
+    fps: float = FPS
+    tell: Tell = untold
+
+    def cells(self, doing: str) -> Iterator[tuple[int, SurfaceCell]]:
+        """Numbers and cells of the frames, each read when it is asked for, and then forgotten."""
+        for count, number in enumerate(self.numbers, 1):
+            self.tell((f"{doing}: frame {count} of {len(self.numbers)}",))
+            yield number, self.run.frames[number].cell
+
+    @property
+    def times(self) -> list[float]:
+        """Times of the frames [T]; those of a stored run are known without them."""
+        frames = self.run.frames
+        known = frames.times if isinstance(frames, StoredFrames) else [f.state.t for f in frames]
+        return [known[number] for number in self.numbers]
+
+    def cell(self, number: int) -> SurfaceCell:
+        """The cell of a frame."""
+        return self.run.frames[number].cell
+
+    def shown(self, value: Any, dimension: str | None) -> Any:
+        """A number or an array of the solver in the units of the export."""
+        return magnitude(self.run.parameters, value, dimension)
+
+    def unit(self, dimension: str | None) -> str:
+        """The unit of a dimension."""
+        return unit(self.run.parameters, dimension)
+
+    def nodes(self, cell: SurfaceCell) -> Array:
+        """Nodes (V, 3) of a cell, where it is, or about its center if that is followed."""
+        x = cell.x if self.follow else cell.x + cell.state.position
+        return np.ascontiguousarray(self.shown(x, "L"))
+
+    def fields(self, cell: SurfaceCell, names: Mapping[str, str]) -> dict[str, Array]:
+        """Fields of a cell at its nodes by name; `names` has their dimensions."""
+        found, _ = frame_arrays(cell)
+        return {n: np.ascontiguousarray(self.shown(found[n], d)) for n, d in names.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Format:
+    """A format of exports: what it is, the ending of its files, and how they are written.
+
+    `files` gives the names of the files of a job, each with the function that writes it under a
+    name that it is given. `options` are those of `Job` that it heeds, `packages` the optional ones
+    that it needs, with the extra that installs them; `frames`: whether it needs frames.
+    """
+
+    about: str
+    suffix: str
+    files: Callable[[Job], Mapping[str, Write]]
+    options: frozenset[str] = frozenset()
+    packages: Mapping[str, str] = field(default_factory=dict)
+    frames: bool = True
+
+    def check(self, name: str, options: Iterable[str]) -> None:
+        """Raise InvalidInput for options that it does not heed, and for missing packages."""
+        for option in options:
+            if option not in self.options:
+                raise InvalidInput(f"{option} must be left out for {name}, which does not use it")
+        for package, extra in self.packages.items():
+            try:
+                import_module(package)
+            except ImportError as error:
+                raise InvalidInput(
+                    f"an export to {name} needs {package}, which cannot be imported ({error}): "
+                    f"pip install 'amoeboid[{extra}]'"
+                ) from None

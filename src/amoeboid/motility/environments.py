@@ -1,0 +1,454 @@
+"""Surroundings that a cell can push itself off: a fluid, a matrix, patches, a channel, several.
+
+An environment says what power it takes up when the surface of a cell moves; everything else
+follows from that (`balance`). One of your own, here a matrix that is denser far from the axis of
+the cell, is a class with one method:
+
+    @dataclass(frozen=True)
+    class Denser(am.Environment):
+        def dissipation(self, surface):
+            points = surface.everywhere
+            gamma = 1 + (points.x[:, 0]**2 + points.x[:, 1]**2)
+            return points.drag(gamma, gamma)
+
+    am.migrate(state, Denser())
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.display import short_repr
+from amoeboid.model.units import Units, measured
+from amoeboid.motility.surfaces import (
+    CORTEX,
+    NORMAL,
+    RIGID,
+    TANGENTIAL,
+    WAYS,
+    Points,
+    Surroundable,
+)
+from amoeboid.validation import InvalidInput
+
+VISCOSITY, FRICTION = "M/(L T)", "M/(L^2 T)"
+EXAMPLES = {VISCOSITY: "1 mPa s", FRICTION: "1 Pa s/um"}
+# The viscosity and the friction of an environment that is given none, where cells have units.
+WATER, SOFT = "1 mPa s", "1 Pa s/um"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment:
+    """Base of all environments; `coupled`: the share of the surface that moves with the cortex.
+
+    Transmembrane proteins couple the outside of a cell to its cortex. With a share below 1 the
+    surroundings feel that share of the tangential flow; normal motion they feel in full.
+    """
+
+    __repr__ = short_repr
+
+    coupled: float = 1.0
+    name: ClassVar[str] = ""
+
+    def __post_init__(self) -> None:
+        _check_share(self.coupled)
+
+    def dissipation(self, surface: Surroundable) -> Array:
+        """Power (9, 9) that is taken up from the motions of a surface; see `surfaces`."""
+        raise NotImplementedError
+
+    def felt(self, surface: Surroundable) -> Array:
+        """Shares (3,) of tangential flow, normal motion and cortex flow that it feels."""
+        return np.array([self.coupled, 1.0, 0.0])
+
+    def free(self, surface: Surroundable) -> Array:
+        """The rigid motions (k, 6) that it leaves to the cell, orthonormal."""
+        return np.eye(RIGID)
+
+    def uncertainty(self, surface: Surroundable) -> Array:
+        """Error (6,) of the force and torque that the flow of the cell meets, if known."""
+        return np.zeros(RIGID)
+
+    def of(self, units: Units | None) -> Environment:
+        """This environment with its quantities as numbers in these units.
+
+        Raises InvalidInput for a quantity without units of the cell, and the other way round.
+        """
+        changes = {
+            f.name: _number(f"{self.name}.{f.name}", getattr(self, f.name), f.metadata, units)
+            for f in fields(self)
+            if "dimension" in f.metadata
+        }
+        return replace(self, **changes) if changes else self
+
+    @property
+    def parts(self) -> tuple[Environment, ...]:
+        """The environments that act at once: this one alone."""
+        return (self,)
+
+
+def _dimensional(dimension: str, usual: str) -> dict[str, str]:
+    """About a field with a dimension; `usual` is its physical value where None is given."""
+    return {"dimension": dimension, "usual": usual}
+
+
+def _number(label: str, given: Any, about: Any, units: Units | None) -> float:
+    dimension = about["dimension"]
+    if units is None:
+        given = 1.0 if given is None else given
+        if isinstance(given, bool) or not isinstance(given, int | float | np.number):
+            raise InvalidInput(
+                f"{label} must be a number here, got {given!r}; quantities with units need a cell "
+                "with units, as of Parameters.physical (--physical)"
+            )
+        value = float(given)
+    else:
+        given = about["usual"] if given is None else given
+        plain = isinstance(given, int | float | np.number) and not isinstance(given, bool)
+        if plain and given == 0:
+            return 0.0
+        value = measured(label, given, dimension, EXAMPLES[dimension]) / units.of(dimension)
+    if not (math.isfinite(value) and value >= 0.0):
+        raise InvalidInput(f"{label} must be >= 0 and finite, got {given!r}")
+    return value
+
+
+def _check_share(share: Any) -> None:
+    number = isinstance(share, int | float | np.number) and not isinstance(share, bool)
+    if not number or not 0.0 <= share <= 1.0:
+        raise InvalidInput(
+            f"coupled must be a share of the surface from 0 to 1, got {share!r}; 1 couples all"
+        )
+
+
+def _check_angle(label: str, angle: Any, highest: float) -> None:
+    number = isinstance(angle, int | float | np.number) and not isinstance(angle, bool)
+    if not number or not 0.0 < angle <= highest:
+        raise InvalidInput(
+            f"{label} must be > 0 and <= {highest:g} degrees, got {angle!r}; write patch:30"
+        )
+
+
+@dataclass(frozen=True, repr=False)
+class Fluid(Environment):
+    """A viscous fluid at rest far away, without inertia.
+
+    `viscosity` [M/(L T)]: a quantity such as "1 mPa s" for a cell with units (water by default),
+    else a number. The velocity does not depend on it.
+    """
+
+    viscosity: Any = field(default=None, metadata=_dimensional(VISCOSITY, WATER))
+    name: ClassVar[str] = "fluid"
+
+    def dissipation(self, surface: Surroundable) -> Array:
+        """Power taken up by the fluid outside."""
+        return float(self.viscosity) * surface.fluid
+
+    def uncertainty(self, surface: Surroundable) -> Array:
+        """The difference between the reciprocal theorem and the force on the flow itself."""
+        return float(self.viscosity) * surface.fluid_error @ self.felt(surface)[:2]
+
+
+@dataclass(frozen=True, repr=False)
+class Matrix(Environment):
+    """A matrix that drags each point of the surface by itself.
+
+    `tangential`, `normal` [M/(L^2 T)]: drag per area and velocity along the surface and along its
+    normals; `normal` is as `tangential` if left out. `per_filament`: they are those where c = c0,
+    the mean over the surface, and in proportion to c.
+    """
+
+    tangential: Any = None
+    normal: Any = None
+    per_filament: bool = False
+    name: ClassVar[str] = "matrix"
+
+    def of(self, units: Units | None) -> Matrix:
+        """This matrix with numbers in these units."""
+        about = _dimensional(FRICTION, SOFT)
+        given = self.tangential if self.normal is None else self.normal
+        tangential = _number("matrix.tangential", self.tangential, about, units)
+        normal = _number("matrix.normal", given, about, units)
+        if tangential == 0.0 == normal:
+            raise InvalidInput("a matrix must drag somehow, got tangential = normal = 0")
+        return replace(self, tangential=tangential, normal=normal)
+
+    def dissipation(self, surface: Surroundable) -> Array:
+        """Power taken up at all points."""
+        points = surface.everywhere
+        share = np.ones_like(points.c)
+        if self.per_filament:
+            if not surface.has_concentration:
+                raise InvalidInput(
+                    "per_filament must be false for a surface without a concentration c; give c, "
+                    "or leave it out"
+                )
+            share = points.c * (points.weights.sum() / (points.weights @ points.c))
+        return points.drag(self.tangential * share, self.normal * share)
+
+
+@dataclass(frozen=True, repr=False)
+class CortexDrag(Environment):
+    """Drag on the velocity of the cortex, v_c instead of v, the same at all points.
+
+    It is what `cortex_drag_speed` and the columns `cortex_drag_x, ...` of a run assume.
+    """
+
+    friction: Any = field(default=None, metadata=_dimensional(FRICTION, SOFT))
+    name: ClassVar[str] = "cortex"
+
+    def felt(self, surface: Surroundable) -> Array:
+        """The flow of the cortex alone. Raises InvalidInput where it is not known."""
+        if not surface.has_cortex:
+            raise InvalidInput(
+                "the environment 'cortex' needs the flow of the cortex, which is not known of a "
+                "measured surface; take another, such as 'fluid' or 'matrix'"
+            )
+        return np.array([0.0, 0.0, self.coupled])
+
+    def dissipation(self, surface: Surroundable) -> Array:
+        """Power taken up at all points."""
+        return surface.everywhere.drag(self.friction, self.friction)
+
+
+@dataclass(frozen=True, repr=False)
+class Contact(Environment):
+    """Base of contacts with walls, which drag along the wall and hold the cell off it.
+
+    A cell in contact does not rotate but around the normal of the wall.
+    """
+
+    friction: Any = field(default=None, kw_only=True, metadata=_dimensional(FRICTION, SOFT))
+
+    def regions(self, surface: Surroundable) -> list[tuple[Points, Array]]:
+        """Parts of the surface in contact, with the normals of the wall there."""
+        raise NotImplementedError
+
+    def dissipation(self, surface: Surroundable) -> Array:
+        """Power taken up by the mean of all regions."""
+        found = self.regions(surface)
+        powers = [points.drag(self.friction, 0.0, walls) for points, walls in found]
+        return np.asarray(np.mean(powers, axis=0))
+
+    def free(self, surface: Surroundable) -> Array:
+        """Translation along the axis of polarity."""
+        return np.concatenate([surface.front, np.zeros(3)])[None, :]
+
+
+@dataclass(frozen=True, repr=False)
+class Patch(Contact):
+    """A substrate to which the cell adheres with a cap of half-angle `half_angle` [degrees].
+
+    The cap is around an `axis` (3,) from the center of the cell to the substrate, across the
+    polarity; where it is left out, the mean over the substrates on all sides, along the polarity.
+    Adhesion sites drag along the substrate in proportion to the velocity of the surface there.
+    """
+
+    half_angle: float = 30.0
+    axis: Any = None
+    name: ClassVar[str] = "patch"
+    walls: ClassVar[tuple[float, ...]] = (1.0,)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_angle(f"{self.name}.half_angle", self.half_angle, 90.0)
+        if self.axis is not None:
+            found = np.asarray(self.axis, dtype=float).ravel()
+            if found.size != 3 or not np.isfinite(found).all() or not np.any(found):
+                raise InvalidInput(
+                    f"{self.name}.axis must be three finite numbers, not all zero, got "
+                    f"{self.axis!r}"
+                )
+            object.__setattr__(self, "axis", tuple(float(x) for x in found))
+
+    def _wall(self, surface: Surroundable) -> Array | None:
+        if self.axis is None:
+            return None
+        axis = np.array(self.axis)
+        across = axis - (axis @ surface.front) * surface.front
+        size = float(np.linalg.norm(across))
+        if size < 0.1 * float(np.linalg.norm(axis)):
+            raise InvalidInput(
+                f"{self.name}.axis must lie across the polarity of the cell, {surface.front} "
+                f"towards the front, got {self.axis}"
+            )
+        return np.asarray(across / size)
+
+    def regions(self, surface: Surroundable) -> list[tuple[Points, Array]]:
+        """The caps, with the normals of the substrate."""
+        wall, angle = self._wall(surface), math.radians(self.half_angle)
+        found: list[tuple[Points, Array]] = []
+        for side in self.walls:
+            found += surface.cap(angle, None if wall is None else side * wall)
+        return found
+
+    def free(self, surface: Surroundable) -> Array:
+        """Translation along the substrate, and rotation around its normal."""
+        wall = self._wall(surface)
+        if wall is None:
+            return super().free(surface)
+        along = np.stack([surface.front, np.cross(wall, surface.front)])
+        motions = np.zeros((3, RIGID))
+        motions[:2, :3], motions[2, 3:] = along, wall
+        return motions
+
+
+@dataclass(frozen=True, repr=False)
+class Plates(Patch):
+    """Two parallel plates, to each of which the cell adheres with a cap; see `Patch`."""
+
+    name: ClassVar[str] = "plates"
+    walls: ClassVar[tuple[float, ...]] = (1.0, -1.0)
+
+
+@dataclass(frozen=True, repr=False)
+class Channel(Contact):
+    """A round channel along the polarity, in contact within `half_width` [degrees] of the equator.
+
+    Directions are seen from the center of volume; the equator lies across the polarity.
+    """
+
+    half_width: float = 30.0
+    name: ClassVar[str] = "channel"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _check_angle("channel.half_width", self.half_width, 90.0)
+
+    def regions(self, surface: Surroundable) -> list[tuple[Points, Array]]:
+        """The ring of contact, with the normals of the channel."""
+        points = surface.band(math.radians(self.half_width))
+        across = points.x - (points.x @ surface.front)[:, None] * surface.front
+        return [(points, across / np.linalg.norm(across, axis=1)[:, None])]
+
+    def free(self, surface: Surroundable) -> Array:
+        """Translation along the channel, and rotation around it."""
+        motions = np.zeros((2, RIGID))
+        motions[0, :3] = motions[1, 3:] = surface.front
+        return motions
+
+
+class Mixed(Environment):
+    """Several environments at once: `Mixed(Fluid(), Patch(half_angle=20))`; the total force is 0.
+
+    The drags count with their sizes: give each environment its viscosity or friction.
+    """
+
+    name = "mixed"
+
+    def __init__(self, *parts: Environment) -> None:
+        if len(parts) < 2 or not all(isinstance(part, Environment) for part in parts):
+            raise InvalidInput(f"Mixed takes two or more environments, got {str(parts)[:100]}")
+        object.__setattr__(self, "given", tuple(p for part in parts for p in part.parts))
+        object.__setattr__(self, "coupled", 1.0)
+
+    @property
+    def parts(self) -> tuple[Environment, ...]:
+        """The environments that act at once."""
+        return self.given  # type: ignore[attr-defined]
+
+    def of(self, units: Units | None) -> Mixed:
+        """The same with numbers in these units."""
+        return Mixed(*(part.of(units) for part in self.parts))
+
+    def __repr__(self) -> str:
+        return f"Mixed({', '.join(map(repr, self.parts))})"
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mixed) and self.parts == other.parts
+
+    def __hash__(self) -> int:
+        return hash(self.parts)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Mixed, self.parts
+
+
+ENVIRONMENTS: dict[str, type[Environment]] = {
+    kind.name: kind for kind in (Fluid, Matrix, Patch, Plates, Channel, CortexDrag)
+}
+"""The environments that a word stands for; `environment` reads them."""
+
+# The field that stands behind the first colon of a word, without a name.
+FIRST_FIELD = {
+    "fluid": "viscosity",
+    "matrix": "tangential",
+    "patch": "half_angle",
+    "plates": "half_angle",
+    "channel": "half_width",
+    "cortex": "friction",
+}
+
+
+def environment(text: str) -> Environment:
+    """The environment that a text means: `fluid`, `patch:30`, `matrix:normal=2+fluid`.
+
+    Values stand behind colons, with the names of their fields; the first needs none. Several at
+    once are joined by `+`. Raises InvalidInput.
+
+    >>> environment("patch:30")
+    Patch(coupled=1.0, friction=None, half_angle=30.0, axis=None)
+    """
+    parts = [_one(part.strip(), text) for part in re.split(r"\+(?=\s*[a-z])", text)]
+    return parts[0] if len(parts) == 1 else Mixed(*parts)
+
+
+def _one(text: str, whole: str) -> Environment:
+    name, *values = (part.strip() for part in text.split(":"))
+    if name not in ENVIRONMENTS:
+        raise InvalidInput(
+            f"an environment must be one of {', '.join(ENVIRONMENTS)}, such as patch:30, got "
+            f"{whole!r}"
+        )
+    kind = ENVIRONMENTS[name]
+    known = {f.name: f for f in fields(kind) if f.name != "axis"}
+    given: dict[str, Any] = {}
+    for place, value in enumerate(values):
+        key, equals, said = value.partition("=")
+        if not equals and place == 0:
+            key, said = FIRST_FIELD[name], value
+        key = key.strip()
+        if key not in known or not said.strip():
+            raise InvalidInput(
+                f"{name} takes {', '.join(known)}, as in {name}:{FIRST_FIELD[name]}=..., got "
+                f"{value!r} in {whole!r}"
+            )
+        given[key] = _value(said.strip())
+    return kind(**given)
+
+
+def _value(text: str) -> Any:
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def joint(parts: tuple[Environment, ...], surface: Surroundable) -> tuple[Array, Array]:
+    """Power (9, 9) that environments take up together, with their shares in it, and free motions.
+
+    The last three ways are scaled by what each of them feels.
+    """
+    power, held = np.zeros((WAYS, WAYS)), []
+    for part in parts:
+        felt = np.ones(WAYS)
+        felt[[TANGENTIAL, NORMAL, CORTEX]] = part.felt(surface)
+        found = np.asarray(part.dissipation(surface), dtype=float)
+        if found.shape != (WAYS, WAYS) or not np.isfinite(found).all():
+            raise InvalidInput(
+                f"the dissipation of an environment must be a matrix ({WAYS}, {WAYS}) of finite "
+                f"numbers, {type(part).__name__} gave shape {found.shape}"
+            )
+        power += felt[:, None] * found * felt
+        free = part.free(surface)
+        held.append(np.eye(RIGID) - free.T @ free)
+    sizes, motions = np.linalg.eigh(np.sum(held, axis=0))
+    return power, motions[:, sizes < 1e-9].T
