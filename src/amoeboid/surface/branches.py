@@ -95,8 +95,8 @@ def branch_from(
                 folds += _fold_between(model_at, points[-3:], options.scale)
             if met:
                 origins = (_origin([one for _, one in points[-3:]]),)
-            edge = min(abs(points[-1][1].q - low), abs(points[-1][1].q - high))
-            if not (inside or met or mirrored) and edge > EXACT * options.scale:
+            left = abs(points[-1][1].q - (low if found.q < low else high))
+            if not (inside or met or mirrored) and left > EXACT * options.scale:
                 points.append(_at_edge(model_at, points[-1], (length, found), (low, high)))
             if met or mirrored or not inside:
                 complete, message = True, ""
