@@ -242,8 +242,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
     axisymmetric state, a stable one if there is one. An axisymmetric one is laid on `mesh`,
     `Icosphere(n)` (3 if left out), the others have their own. From a cell on a circle or a helix
     it finds such a cell, with its velocity and angular velocity. Unstable cells are found, too.
-    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. No
-    cue acts on the cell, also where one did in the run that it comes from.
+    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. The
+    cue that acts on a start from a run acts on the cell, too, in the direction that it has there.
 
     Raises InvalidInput where the iterations lead to no steady cell, or from a polarized cell to
     the homogeneous one: a nearer start is needed then.
@@ -293,7 +293,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
     if isinstance(state, State) and flow is not None:  # a snapshot of any kind
         refuse_mesh(mesh)
         old, faces = start.model, start.model.mesh.faces
-        model = Model(p, old.mesh, old.edge_length, solvers=old.solvers)
+        model = Model(p, old.mesh, old.edge_length, t=old.t, cue=old.cue, solvers=old.solvers)
         omega = np.zeros(3) if state.angular_velocity is None else state.angular_velocity
         if np.linalg.norm(omega) < SLOW_ROTATION * model.rate and not isinstance(start, SteadyCell):
             omega = np.zeros(3)  # of a straight cell it is an error of the mesh

@@ -32,13 +32,14 @@ NEAR, MAX_DISTANCE = 1e-2, 0.1
 def solved_for(before: Step, step: Step) -> Step | None:
     """The step with the stable steady cell near its state; None if none is sought, or found.
 
-    Raises InvalidInput for a cell under a cue, of which no steady state is solved for.
+    Raises InvalidInput for a cell under a cue: nodes that do not turn with it hold it at an angle
+    to the cue, by the error of the mesh.
     """
     model, state = step.model, step.state
     if model.cue is not None:
         raise InvalidInput(
-            'time.finish must be "wait" for a cell under a cue, got "solve": steady cells are '
-            "solved for without one"
+            'time.finish must be "wait" for a cell under a cue, got "solve": the cell must turn '
+            "with its nodes until it is aligned"
         )
     if step.steady or awaited(model, state.t):
         return None

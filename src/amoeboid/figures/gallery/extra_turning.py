@@ -29,7 +29,6 @@ SUBDIVISIONS = 3  # 642 nodes
 # Windows in units of v_p0 at the onset without a mesh: to seek it in, in units of the threshold of
 # the sphere, around it, and of circles and helices.
 SOUGHT, AROUND, TURNING = 2.0, (0.985, 1.03), (0.97, 1.08)
-MAX_STEP = 0.05
 PATHS = {"straight": GRAY, "circle": BLUE, "helix": GREEN}
 OBSERVED = {"turning": "1/T", "torsion": "1/L", "cortex_drag_speed": "L/T"}
 
@@ -47,7 +46,7 @@ def turning_branches(p: Parameters, subdivisions: int) -> dict[str, Any]:
         if not leaving:
             break
         ends = _ends(p, onset, TURNING)
-        found.append(branch(p, "v_p0", *ends, through=leaving[0], max_step=MAX_STEP))
+        found.append(branch(p, "v_p0", *ends, through=leaving[0]))
     rows, problems = [], list[str]()
     for path, along in zip(PATHS, found, strict=False):
         problems += [f"{path}: {problem}" for problem in along.problems]
