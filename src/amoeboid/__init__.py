@@ -23,6 +23,10 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.fitting.fit import fit
+    from amoeboid.fitting.measurements import Measurements, measurements
+    from amoeboid.fitting.result import Fit
+    from amoeboid.fitting.synthetic import synthetic
     from amoeboid.meshes.cells import InitialCell
     from amoeboid.model.changes import Change, ramp, smooth, steps
     from amoeboid.model.cues import Cue
@@ -59,6 +63,10 @@ if TYPE_CHECKING:
     from amoeboid.studies.theory import Theory, theory
     from amoeboid.surface.model import Model
     from amoeboid.surface.state import Flow, State
+    from amoeboid.sweeps.points import Points, grid, paired, sobol
+    from amoeboid.sweeps.refinement import Refinement, refine
+    from amoeboid.sweeps.result import Sweep, load_sweep
+    from amoeboid.sweeps.sweep import sweep
     from amoeboid.validation import InvalidInput
 
 _HOMES = {
@@ -73,6 +81,7 @@ _HOMES = {
     "Diverged": "simulation.step_length",
     "Environment": "motility.environments",
     "Exponential": "model.polymerization",
+    "Fit": "fitting.result",
     "Flow": "surface.state",
     "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
@@ -84,6 +93,7 @@ _HOMES = {
     "Law": "model.polymerization",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
+    "Measurements": "fitting.measurements",
     "Mesh": "config",
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
@@ -95,6 +105,8 @@ _HOMES = {
     "Patch": "motility.environments",
     "PhaseDiagram": "studies.phase_diagram",
     "Plates": "motility.environments",
+    "Points": "sweeps.points",
+    "Refinement": "sweeps.refinement",
     "Snapshot": "runs.snapshot",
     "Solution": "runs.solution",
     "SpecialPoint": "studies.branch",
@@ -107,6 +119,7 @@ _HOMES = {
     "StoredRun": "runs.stored",
     "Stress": "model.stress",
     "Surface": "runs.meshes",
+    "Sweep": "sweeps.result",
     "Theory": "studies.theory",
     "Time": "config",
     "branch": "runs.branches",
@@ -114,11 +127,16 @@ _HOMES = {
     "config_to_toml": "config",
     "evolve": "simulation.loop",
     "figures": "figures",
+    "fit": "fitting.fit",
+    "grid": "sweeps.points",
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
+    "load_sweep": "sweeps.result",
+    "measurements": "fitting.measurements",
     "migrate": "studies.migration",
     "observable": "observables",
     "observed": "observables",
+    "paired": "sweeps.points",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
     "phase_diagram": "studies.phase_diagram",
@@ -126,13 +144,17 @@ _HOMES = {
     "polarization_by_cue": "closed_forms.response",
     "prediction": "closed_forms.branch",
     "ramp": "model.changes",
+    "refine": "sweeps.refinement",
     "simulate": "runs.solution",
     "smooth": "model.changes",
+    "sobol": "sweeps.points",
     "start": "simulation.loop",
     "steady": "simulation.events",
     "steady_state": "runs.steady_cell",
     "steady_states": "studies.states",
     "steps": "model.changes",
+    "sweep": "sweeps.sweep",
+    "synthetic": "fitting.synthetic",
     "theory": "studies.theory",
     "thresholds": "closed_forms.linear",
     "time": "simulation.events",
@@ -152,6 +174,7 @@ __all__ = [
     "Diverged",
     "Environment",
     "Exponential",
+    "Fit",
     "Flow",
     "Fluid",
     "Icosphere",
@@ -163,6 +186,7 @@ __all__ = [
     "Law",
     "Matrix",
     "MeasuredCell",
+    "Measurements",
     "Mesh",
     "Migration",
     "Mixed",
@@ -173,6 +197,8 @@ __all__ = [
     "Patch",
     "PhaseDiagram",
     "Plates",
+    "Points",
+    "Refinement",
     "Snapshot",
     "Solution",
     "SpecialPoint",
@@ -185,6 +211,7 @@ __all__ = [
     "StoredRun",
     "Stress",
     "Surface",
+    "Sweep",
     "Theory",
     "Time",
     "branch",
@@ -192,11 +219,16 @@ __all__ = [
     "config_to_toml",
     "evolve",
     "figures",
+    "fit",
+    "grid",
     "growth_rate",
     "load",
+    "load_sweep",
+    "measurements",
     "migrate",
     "observable",
     "observed",
+    "paired",
     "parameters_from_toml",
     "parameters_to_toml",
     "phase_diagram",
@@ -204,13 +236,17 @@ __all__ = [
     "polarization_by_cue",
     "prediction",
     "ramp",
+    "refine",
     "simulate",
     "smooth",
+    "sobol",
     "start",
     "steady",
     "steady_state",
     "steady_states",
     "steps",
+    "sweep",
+    "synthetic",
     "theory",
     "thresholds",
     "time",

@@ -15,8 +15,8 @@ from amoeboid import InvalidInput, Parameters, figures
 from amoeboid.cli.main import main
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
-from amoeboid.figures.sources import used_files
 from amoeboid.figures.tables import FigureData, Table, column_of, label, unit_of
+from amoeboid.identity.sources import used_files
 
 calls = []
 

@@ -59,3 +59,19 @@ def test_a_step_out_of_the_domain_is_shortened():
     result = newton(root, lambda x: (root(x), np.diag(1 / x)), np.array([20.0]))
     assert result.converged
     assert result.x[0] == pytest.approx(np.e, rel=1e-14)
+
+
+def test_a_whole_step_is_taken_where_the_next_is_far_shorter_however_equations_are_scaled():
+    """A weak nonlinear term in an equation of a large magnitude."""
+    sizes = np.array([1.0, 1e6])
+
+    def residual(x):
+        return sizes * np.array([x[0] - 1.0, x[1] - x[0] ** 2])
+
+    def both(x):
+        return residual(x), sizes[:, None] * np.array([[1.0, 0.0], [-2 * x[0], 1.0]])
+
+    result = newton(residual, both, np.array([0.99, 0.99**2]))
+    assert result.converged
+    assert result.residuals[1] > 2 * result.residuals[0]
+    assert result.steps[1] < 0.1 * result.steps[0]

@@ -16,6 +16,7 @@ from amoeboid.axisymmetric.shape import Shape
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.stress import principal_stresses
+from amoeboid.numerics.programs import Symbol
 from amoeboid.validation import InvalidInput
 
 
@@ -93,7 +94,9 @@ def refuse_cue(cue: Any, what: str) -> None:
 
 
 def function_of(c: Any, derivatives: Callable[[Array, int], tuple[Array, ...]]) -> Any:
-    """A function of an array or a Dual, given (f(c), f'(c)) by `derivatives(c, 1)`."""
+    """A function of an array, Dual or Symbol, given (f(c), f'(c)) by `derivatives(c, 1)`."""
+    if isinstance(c, Symbol):
+        return c.relation(derivatives)
     if hasattr(c, "derivatives"):
         return c.map(*derivatives(c.values, 1))
     return derivatives(c, 0)[0]

@@ -32,7 +32,7 @@ class HarmonicBasis:
     curvatures: Array
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=160)
 def harmonics(m: int, degree: int, nodes: int) -> HarmonicBasis:
     """The basis of azimuthal number m up to `degree` on Gauss nodes in cos x."""
     mu, weights = np.polynomial.legendre.leggauss(nodes)

@@ -15,20 +15,27 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.force_balance import refuse_cue
 from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
-from amoeboid.axisymmetric.spectral import even_basis, odd_basis
+from amoeboid.axisymmetric.perturbations import (
+    Base,
+    base_fields,
+    perturbed_fields,
+    rates_of,
+    removed,
+    rigid_motions,
+    trial_velocities,
+    velocity_response,
+)
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import finite_pressure_rates
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.stress import principal_stresses
 from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
 
@@ -41,37 +48,6 @@ NEUTRAL = 1e-7
 
 ROUNDING = 8 * float(np.finfo(float).eps)
 """Error of an eigenvalue in units of the fastest rate, which grows with delta_P."""
-
-
-ROTATION_SEEN = 1e-6
-"""A homogeneous sphere looks the same after a rotation: no mode is removed for it.
-
-The size of the mode of rotation, in natural units, from which on it counts.
-"""
-
-
-@dataclass(frozen=True)
-class Base:
-    """The steady state at the nodes of a basis; every entry has shape (nodes, 1)."""
-
-    measure: Array
-    r: Array
-    z: Array
-    sin_psi: Array
-    cos_psi: Array
-    kappa_1: Array
-    kappa_2: Array
-    U: Array
-    W: Array
-    stretch_1: Array
-    stretch_2: Array
-    shear: Array
-    sigma_1: Array
-    sigma_2: Array
-    c: Array
-    c_s: Array
-    slope: Array
-    tau_slope: Array
 
 
 @dataclass(frozen=True)
@@ -205,15 +181,15 @@ class Linearization:
     def reduced_matrix(self, m: int) -> tuple[Array, Array, HarmonicBasis]:
         """See the function of this name."""
         state, basis, base = self.state, self.basis(m), self.base
-        trial = _trial_velocities(base, basis, state.length_scale)
-        perturbed = _perturbed_fields(base, basis, state.length_scale)
-        rigid = _rigid_motions(base, m)
-        response = _velocity_response(state.parameters, base, trial, perturbed, rigid)
-        h_rate, c_rate = _rates(state.parameters, base, perturbed, response)
+        trial = trial_velocities(base, basis, state.length_scale)
+        perturbed = perturbed_fields(base, basis, state.length_scale)
+        rigid = rigid_motions(base, m)
+        response = velocity_response(state.parameters, base, trial, perturbed, rigid)
+        h_rate, c_rate = rates_of(state.parameters, base, perturbed, response)
         mass = basis.values.T @ (base.measure * basis.values)
         matrix = np.vstack(np.split(solve(mass, np.hstack([h_rate, c_rate])), 2, axis=1))
-        removed = _removed(state.parameters.beta, base, basis, mass, rigid)
-        return matrix, removed, basis
+        left_out = removed(state.parameters.beta, base, basis, mass, rigid)
+        return matrix, left_out, basis
 
 
 def linearization(state: SteadySolution, degree: int | None = None) -> Linearization:
@@ -239,218 +215,3 @@ def reduced_matrix(
     neutral translation (m = 0, 1) and rotation (m = 1).
     """
     return linearization(state, degree).reduced_matrix(m)
-
-
-def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
-    """The fields of a steady state that the linearization needs, at the nodes of the basis."""
-    n, scale, p = state.n, state.length_scale, state.parameters
-    a_psi, a_u, a_c, scalars = split(state.x, n)
-    x = basis.x
-    sines, cosines = odd_basis(x, n), even_basis(x, n)
-    k = np.arange(1, n + 1)
-    psi = x + sines[:, : n - 1] @ a_psi
-    psi_slope = 1.0 + (cosines[:, 1:] * k[:-1]) @ a_psi
-    even_slopes = -(sines * k)
-    odd_slopes = np.cos(np.outer(x, k)) * k
-    r, z = state.position(x)
-    u, c = sines @ a_u, cosines @ a_c
-    u_slope, c_slope = odd_slopes @ a_u, even_slopes[:, : n - 1] @ a_c[1:]
-    speed, slope = p.v_p_derivatives(c, 1)
-    kappa_1, kappa_2 = psi_slope / scale, np.sin(psi) / r
-    stretch_1 = u_slope / scale - kappa_1 * speed
-    stretch_2 = np.cos(psi) / r * u - kappa_2 * speed
-    tau, tau_slope = p.tau_derivatives(c, 1)
-    sigma_1, sigma_2 = principal_stresses(stretch_1, stretch_2, tau, scalars[1], p)
-    measure = basis.weights * scale * r / np.sin(x)
-    entries = (
-        measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
-        stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
-        sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope,
-    )  # fmt: skip
-    return Base(*(e[:, None] for e in entries))
-
-
-@dataclass(frozen=True)
-class Trial:
-    """Basis velocities (a, i b, w) and the strain rates they make, one column each.
-
-    `stretch_1`, `stretch_2` are the extension rates, i `shear` twice the shear rate; `lean` is the
-    n component of dv/ds, i `tilt` that of dv/(r dphi).
-    """
-
-    a: Array
-    b: Array
-    w: Array
-    stretch_1: Array
-    stretch_2: Array
-    shear: Array
-    lean: Array
-    tilt: Array
-
-
-def _trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
-    m = int(basis.degrees[0])
-    tangent = slice(1, None) if m == 0 else slice(None)
-    P, slope, over = basis.values, basis.slopes[:, tangent], basis.over_sine[:, tangent]
-    slope_s, over_s = basis.curvatures[:, tangent], basis.over_sine_slopes[:, tangent]
-    none, still = np.zeros((P.shape[0], 0)), np.zeros_like(P)
-    rotation = (none, none, none, none) if m == 0 else (over, slope, over_s, slope_s)
-    a = np.hstack([slope, rotation[0], still])
-    b = np.hstack([over, rotation[1], still])
-    a_s = np.hstack([slope_s, rotation[2], still]) / scale
-    b_s = np.hstack([over_s, rotation[3], still]) / scale
-    w = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), P])
-    w_s = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), basis.slopes]) / scale
-    wave, cot = m / base.r, base.cos_psi / base.r
-    return Trial(
-        a=a,
-        b=b,
-        w=w,
-        stretch_1=a_s + base.kappa_1 * w,
-        stretch_2=cot * a - wave * b + base.kappa_2 * w,
-        shear=wave * a - cot * b + b_s,
-        lean=w_s - base.kappa_1 * a,
-        tilt=wave * w - base.kappa_2 * b,
-    )
-
-
-@dataclass(frozen=True)
-class Perturbed:
-    """Displacement h, its slope, c' and its slope for every unknown, one column each; m/r."""
-
-    h: Array
-    h_s: Array
-    c: Array
-    c_s: Array
-    wave: Array
-
-
-def _perturbed_fields(base: Base, basis: HarmonicBasis, scale: float) -> Perturbed:
-    none = np.zeros_like(basis.values)
-    slopes = basis.slopes / scale
-    return Perturbed(
-        h=np.hstack([basis.values, none]),
-        h_s=np.hstack([slopes, none]),
-        c=np.hstack([none, basis.values]),
-        c_s=np.hstack([none, slopes]),
-        wave=basis.degrees[0] / base.r,
-    )
-
-
-def _rigid_motions(base: Base, m: int) -> list[tuple[Array, Array, Array]]:
-    """(a, b, w) of the rigid velocities with azimuthal number m: e_z; e_x + i e_y, rotation."""
-    sin, cos, r, z = base.sin_psi, base.cos_psi, base.r, base.z
-    if m == 0:
-        return [(-sin, 0 * r, cos)]
-    if m == 1:
-        return [(cos, 1 + 0 * r, sin), (z * cos + r * sin, z, z * sin - r * cos)]
-    return []
-
-
-def _velocity_response(
-    p: Parameters,
-    base: Base,
-    trial: Trial,
-    fields: Perturbed,
-    rigid: list[tuple[Array, Array, Array]],
-) -> tuple[Array, Array, Array]:
-    """(a, b, w) at the nodes that each perturbation drives, without net rigid motion."""
-
-    def integral(test: Array, field: Array) -> Array:
-        return test.T @ (base.measure * field)
-
-    dilation = trial.stretch_1 + trial.stretch_2
-    stiffness = (
-        p.eta_b * integral(dilation, dilation)
-        + 2 * p.eta_s * integral(trial.stretch_1, trial.stretch_1)
-        + 2 * p.eta_s * integral(trial.stretch_2, trial.stretch_2)
-        + p.eta_s * integral(trial.shear, trial.shear)
-    )
-    load = _load(p, base, trial, fields, integral)
-    borders = [
-        integral(trial.a, a) + integral(trial.b, b) + integral(trial.w, w) for a, b, w in rigid
-    ]
-    right = [np.zeros((1, load.shape[1]))] * len(rigid)
-    if not np.any(fields.wave):
-        H = base.kappa_1 + base.kappa_2
-        borders.append(integral(trial.w, H))
-        right.append(-integral(H, base.slope * fields.c - base.U * fields.h_s))
-    border = np.hstack([np.zeros((stiffness.shape[0], 0)), *borders])
-    k = border.shape[1]
-    matrix = np.block([[stiffness, border], [border.T, np.zeros((k, k))]])
-    v = solve(matrix, np.vstack([-load, *right]))[: stiffness.shape[0]]
-    return trial.a @ v, trial.b @ v, trial.w @ v
-
-
-def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed, integral: Any) -> Array:
-    """Virtual power of the perturbed stress and pressure with the velocity held."""
-    k1, k2, e1, e2 = base.kappa_1, base.kappa_2, base.stretch_1, base.stretch_2
-    h, wave_h, H = fields.h, fields.wave * fields.h, k1 + k2
-    D1 = base.shear * fields.h_s + k1 * e1 * h
-    D2 = k2 * e2 * h
-    dilation = D1 + D2 - 2 * (k1 * e1 + k2 * e2) * h
-    isotropic = p.eta_b * dilation + base.tau_slope * fields.c
-    # sigma^11 = (eta_b Theta + tau) g^11 + 2 eta_s (g^11)^2 D_11, and g^11' = -2 kappa_1 h
-    spherical_1 = base.sigma_1 - 2 * p.eta_s * e1
-    spherical_2 = base.sigma_2 - 2 * p.eta_s * e2
-    S1 = isotropic - 2 * k1 * spherical_1 * h + 2 * p.eta_s * (D1 - 4 * k1 * e1 * h)
-    S2 = isotropic - 2 * k2 * spherical_2 * h + 2 * p.eta_s * (D2 - 4 * k2 * e2 * h)
-    pressure = p.delta_P
-    return (
-        integral(trial.stretch_1, S1 + (H + k1) * base.sigma_1 * h)
-        + integral(trial.stretch_2, S2 + (H + k2) * base.sigma_2 * h)
-        + integral(trial.shear, p.eta_s * base.shear * wave_h)
-        + integral(trial.lean, base.sigma_1 * fields.h_s)
-        + integral(trial.tilt, base.sigma_2 * wave_h)
-        + pressure * integral(trial.a, fields.h_s)
-        + pressure * integral(trial.b, wave_h)
-        - pressure * integral(trial.w, H * h)
-    )
-
-
-def _rates(
-    p: Parameters, base: Base, fields: Perturbed, response: tuple[Array, Array, Array]
-) -> tuple[Array, Array]:
-    """Weak rates of h and c', tested with every harmonic."""
-    a, b, w = response
-    half = fields.h.shape[1] // 2
-    test, test_s = fields.h[:, :half], fields.h_s[:, :half]
-    k1, k2, c, h = base.kappa_1, base.kappa_2, base.c, fields.h
-    H = k1 + k2
-    h_rate = w - base.U * fields.h_s + base.slope * fields.c
-    flux_1 = (
-        base.U * fields.c
-        + c * (a + base.W * fields.h_s - k1 * base.U * h)
-        + H * c * base.U * h
-        - p.D * (fields.c_s + (k2 - k1) * base.c_s * h)
-    )
-    flux_2 = c * (b + base.W * fields.wave * h) - p.D * fields.wave * fields.c
-    source = p.beta * (H * (p.c0 - c) * h - fields.c) - c * H * h_rate
-    c_rate = test_s.T @ (base.measure * flux_1) + test.T @ (
-        base.measure * (fields.wave * flux_2 + source)
-    )
-    return test.T @ (base.measure * h_rate), c_rate
-
-
-def _removed(
-    beta: float,
-    base: Base,
-    basis: HarmonicBasis,
-    mass: Array,
-    rigid: list[tuple[Array, Array, Array]],
-) -> Array:
-    """Constraint functionals and neutral modes as columns of harmonic coefficients."""
-    weighted = base.measure * basis.values
-    none = np.zeros(basis.degrees.size)
-    columns = []
-    if basis.degrees[0] == 0:
-        H = (base.kappa_1 + base.kappa_2)[:, 0]
-        columns.append(np.concatenate([H @ weighted, none]))
-        if beta == 0:
-            columns.append(np.concatenate([(H * base.c[:, 0]) @ weighted, none + weighted.sum(0)]))
-    for a, _, w in rigid:
-        h, c = weighted.T @ w, -weighted.T @ (a * base.c_s)
-        mode = np.concatenate([np.linalg.solve(mass, h)[:, 0], np.linalg.solve(mass, c)[:, 0]])
-        if np.linalg.norm(mode) > ROTATION_SEEN:
-            columns.append(mode / np.linalg.norm(mode))
-    return np.column_stack(columns) if columns else np.zeros((2 * none.size, 0))

@@ -9,8 +9,9 @@ from the turnover, for beta = 0 it is the conserved number).
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,8 @@ from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.unknowns import (
     Fields,
-    differentiable_fields_of,
     fields_of,
+    maps_of,
     resampled,
     split,
     unknown_count,
@@ -39,8 +40,9 @@ from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
-from amoeboid.numerics.derivatives import stacked
+from amoeboid.numerics.jacobians import Equations, recorded
 from amoeboid.numerics.newton import newton
+from amoeboid.numerics.programs import Record, Symbol
 from amoeboid.observables import Measured
 
 MODES = 32
@@ -129,7 +131,7 @@ class SteadySystem:
 
     def residual(self, x: Array, q: Array) -> Array:
         """Scaled residual of all equations, shape (3 n + 3,)."""
-        return equations(self.n, fields_of(x, self.n), self.point(q)) / self.row_scales
+        return self._recorded.residual(self._inputs(x, q), np.result_type(x, q)) / self.row_scales
 
     def jacobian(self, x: Array, q: Array) -> Array:
         """Its exact derivative to x, shape (3 n + 3, 3 n + 3)."""
@@ -137,8 +139,15 @@ class SteadySystem:
 
     def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]:
         """Both at once."""
-        f = equations(self.n, differentiable_fields_of(x, self.n), self.point(q))
-        return f.values / self.row_scales, f.derivatives / self.row_scales[:, None]
+        kind = np.result_type(x, q)
+        return self._recorded.residual_and_jacobian(self._inputs(x, q), self.row_scales, kind)
+
+    @cached_property
+    def _recorded(self) -> Equations:
+        return recorded_equations(self.n, hasattr(self._parameters, "cue"))
+
+    def _inputs(self, x: Array, q: Array) -> Inputs:
+        return Inputs(fields_of(x, self.n), self.point(q))
 
     def resolved(self, x: Array, q: Array) -> bool:
         """Whether x solves the continuous equations at q, not only the discrete ones."""
@@ -155,22 +164,56 @@ class SteadySystem:
         return resampled(x, self.n, 2 * self.n)
 
 
-def equations(n: int, f: Fields, p: Any) -> Any:
-    """Residual of the steady problem: force balance, transport, closure, area, filament number."""
+def equations(n: int, f: Fields, p: Any) -> list[Any]:
+    """Residuals of the steady problem: force balance, transport, closure, area, filament number."""
     s = shape(grid(n), f.psi, f.psi_slope, f.scale)
-    w = -speed(s, f.c, p)
-    tangential, normal = forces(s, stress(s, f.u, w, f.c, f.zeta0, p), f.axial, p)
+    return equations_on(s, speed(s, f.c, p), f, p)
+
+
+def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
+    """The same on a shape, with the polymerization speed there."""
+    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), f.axial, p)
     area = 4 * np.pi * p.R0**2
-    return stacked(
-        [
-            tangential,
-            normal,
-            transport(s, f.c, f.u, p) + f.source,
-            s.gap,
-            s.area - area,
-            s.surface_integral(f.c) - p.c0 * area,
-        ]
-    )
+    return [
+        tangential,
+        normal,
+        transport(s, f.c, f.u, p) + f.source,
+        s.gap,
+        s.area - area,
+        s.surface_integral(f.c) - p.c0 * area,
+    ]
+
+
+@lru_cache(maxsize=16)
+def recorded_equations(n: int, cue: bool) -> Equations:
+    """`equations` as a program with its derivatives; the same object each time."""
+
+    def function(fields: Mapping[str, Any], record: Record) -> list[Any]:
+        return equations(n, Fields(**fields), _Recorded(record, cue))
+
+    return recorded(function, n, unknown_count(n), maps_of(n))
+
+
+class Inputs:
+    """What a recorded program is given: fields and parameters by their names."""
+
+    def __init__(self, f: Fields, p: Any) -> None:
+        self._f, self._p = f, p
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(self._f, name) if hasattr(self._f, name) else getattr(self._p, name)
+
+
+class _Recorded:
+    """Parameters as inputs of a program, each by its name."""
+
+    def __init__(self, record: Record, cue: bool) -> None:
+        self._record, self._cue = record, cue
+
+    def __getattr__(self, name: str) -> Symbol:
+        if name == "cue" and not self._cue:
+            raise AttributeError(name)
+        return self._record.input(name)
 
 
 @dataclass(frozen=True)
@@ -274,10 +317,13 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
     return x
 
 
-def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -> SteadySolution:
+def steady_state(
+    p: Parameters, guess: SteadySolution, cue: Cue | None = None, max_iterations: int = 25
+) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
-    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1). Raises
+    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1);
+    `max_iterations`: of Newton's method, fewer where only a good guess is to be followed. Raises
     InvalidInput for a cue in another direction.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
@@ -287,7 +333,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
     history: tuple[float, ...] = ()
     while True:
         system = SteadySystem(p, n, cue=cue)
-        found = newton_solution(system, x)
+        found = newton_solution(system, x, max_iterations)
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
@@ -301,7 +347,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
-def newton_solution(system: SteadySystem, start: Array) -> Any:
+def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25) -> Any:
     """Newton's method on a system without free parameters."""
     q = np.zeros(0)
     return newton(
@@ -309,6 +355,7 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
         lambda x: system.residual_and_jacobian(x, q),
         start,
         scale=system.scale,
+        max_iterations=max_iterations,
     )
 
 
@@ -328,11 +375,12 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     x = resampled(coefficients, n, m)
     x[-2:] = 0.0
     f = fields_of(x, m)
-    v_p = speed(shape(grid(m), f.psi, f.psi_slope, f.scale), f.c, p)
+    s = shape(grid(m), f.psi, f.psi_slope, f.scale)
+    v_p = speed(s, f.c, p)
     fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
     most = np.abs(f.c).max()
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
     force += np.abs(p.tau(f.c)).max() / p.R0
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
-    return float(np.max(np.abs(equations(m, f, p)) / units))
+    return float(np.max(np.abs(np.concatenate(equations_on(s, v_p, f, p))) / units))

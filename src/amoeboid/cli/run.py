@@ -190,10 +190,11 @@ def _interruptible() -> Iterator[Callable[[Step], str | None]]:
 def _draw(run: RunFolder, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
-    from amoeboid.simulation.timeseries import POSITION
+    from amoeboid.simulation.timeseries import position_columns
 
     times = [row["t"] for row in run.rows]
-    positions = [[row[k] for k in POSITION] for row in run.rows]
+    names = position_columns(run.units)
+    positions = [[row[k] for k in names] for row in run.rows]
     R0 = last.model.parameters.R0
     drawn_together(
         "run",

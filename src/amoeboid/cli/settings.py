@@ -189,6 +189,10 @@ def field_table() -> str:
                 "v_p0/(1+(c/c_r)**n)"
             )
     rows.append(
+        f"  {'environment.medium':24}{'cortex':18}where the path of the cell is recorded: fluid, "
+        "matrix, patch:30, channel:30, ... (see `amoeboid motility --help`)"
+    )
+    rows.append(
         f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "
         "list of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
     )

@@ -104,7 +104,7 @@ class Relation(ABC):
         shape = np.shape(c)
         given = (*others, *self.own.values())
         arrays = [x for x in given if isinstance(x, np.ndarray)]
-        real = not any(map(np.iscomplexobj, (c, *given)))
+        real = not any(_is_complex(x) for x in (c, *given))
         if arrays:
             shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
@@ -215,6 +215,10 @@ def _field_names(kind: type) -> list[str]:
 
 def _is_number(value: Any) -> bool:
     return isinstance(value, Number | np.ndarray) and not isinstance(value, bool)
+
+
+def _is_complex(value: Any) -> bool:
+    return isinstance(value, complex) or getattr(getattr(value, "dtype", None), "kind", "") == "c"
 
 
 def _is_finite(value: Any) -> bool:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics.programs import Symbol
 
 
 class Dual:
@@ -85,6 +86,8 @@ def sin(field: Any) -> Any:
     """Sine of an array or a Dual."""
     if isinstance(field, Dual):
         return field.map(np.sin(field.values), np.cos(field.values))
+    if isinstance(field, Symbol):
+        return field.elementary("sin")
     return np.sin(field)
 
 
@@ -92,6 +95,8 @@ def cos(field: Any) -> Any:
     """Cosine of an array or a Dual."""
     if isinstance(field, Dual):
         return field.map(np.cos(field.values), -np.sin(field.values))
+    if isinstance(field, Symbol):
+        return field.elementary("cos")
     return np.cos(field)
 
 
@@ -100,6 +105,8 @@ def sqrt(field: Any) -> Any:
     if isinstance(field, Dual):
         root = np.sqrt(field.values)
         return field.map(root, 0.5 / root)
+    if isinstance(field, Symbol):
+        return field.elementary("sqrt")
     return np.sqrt(field)
 
 

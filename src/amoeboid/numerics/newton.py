@@ -6,6 +6,7 @@ Deuflhard, *Newton Methods for Nonlinear Problems*, 2004, chapters 2 and 3.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -63,19 +64,20 @@ def newton(
     raised.
     """
     x = np.array(start, dtype=float)
-    f, size = _evaluated(residual, x)
-    residuals, steps = [size], []
+    residuals: list[float] = []
+    steps: list[float] = []
     jacobian: Factor | None = None
     made = 0
     while jacobian is not None or made < max_iterations:
         fresh = jacobian is None
         if jacobian is None:
             made += 1
-            jacobian = _factorized(residual_and_jacobian, x)
-            if jacobian is None or not np.isfinite(residuals[-1]):
+            f, size, jacobian = _factorized(residual_and_jacobian, x)
+            residuals = residuals or [size]
+            if jacobian is None:
                 break
         step = jacobian.solve(-f)
-        x, f, size, fraction = _backtracked(residual, x, f, step, residuals[-1])
+        x, f, size, fraction = _backtracked(residual, jacobian, scale, x, f, step, residuals[-1])
         if fraction == 0.0:
             if fresh:
                 break
@@ -104,25 +106,37 @@ class Factor:
         return np.asarray(dgetrs(self.lu, self.pivots, right, trans=1)[0])
 
 
-def _factorized(residual_and_jacobian: Jacobian, x: Array) -> Factor | None:
-    """Factors of the Jacobian; None if it is not finite or singular to working precision."""
+def _factorized(residual_and_jacobian: Jacobian, x: Array) -> tuple[Array, float, Factor | None]:
+    """The residual, its size, and the factors of the Jacobian.
+
+    Without factors if anything is not finite, or the Jacobian singular to working precision.
+    """
     try:
         with np.errstate(all="ignore"):
             f, jacobian = residual_and_jacobian(x)
+            size = _rms(f)
     except InvalidInput:
-        return None
-    if not (np.all(np.isfinite(jacobian)) and np.all(np.isfinite(f))):
-        return None
+        return np.full(x.shape, np.inf), np.inf, None
+    if not (np.isfinite(size) and np.isfinite(np.sum(jacobian))):
+        return f, size if np.isfinite(size) else np.inf, None
     lu, pivots, info = dgetrf(jacobian.T)
-    return Factor(lu, pivots) if info == 0 else None
+    return f, size, Factor(lu, pivots) if info == 0 else None
 
 
 def _backtracked(
-    residual: Residual, x: Array, f: Array, step: Array, before: float
+    residual: Residual,
+    jacobian: Factor,
+    scale: Array | float,
+    x: Array,
+    f: Array,
+    step: Array,
+    before: float,
 ) -> tuple[Array, Array, float, float]:
     """The point after the largest of the fractions 1, 1/2, ... that does not harm.
 
-    With its residual and the size of that, and the fraction; 0 if there is none.
+    With its residual and the size of that, and the fraction; 0 if there is none. The whole step
+    does not harm either if the next one with the same Jacobian is much shorter, whatever the
+    residual (Deuflhard's natural test, which does not depend on how the equations are scaled).
     """
     fraction = 1.0
     rounding = 1e-9
@@ -131,6 +145,10 @@ def _backtracked(
         there, size = _evaluated(residual, trial)
         if size <= max(2.0 * before if fraction == 1.0 else before, rounding):
             return trial, there, size, fraction
+        if fraction == 1.0 and np.isfinite(size):
+            following = _rms(jacobian.solve(there) / scale)
+            if following <= KEPT * _rms(step / scale):
+                return trial, there, size, fraction
         fraction /= 2
     return x, f, before, 0.0
 
@@ -140,15 +158,14 @@ def _evaluated(residual: Residual, x: Array) -> tuple[Array, float]:
     try:
         with np.errstate(all="ignore"):
             f = residual(x)
-            size = float(np.sqrt(np.mean(np.abs(f) ** 2)))
+            size = _rms(f)
     except InvalidInput:
         return np.full(x.shape, np.inf), np.inf
     return f, (size if np.isfinite(size) else np.inf)
 
 
 def _rms(values: Array) -> float:
-    with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sqrt(np.mean(np.abs(values) ** 2)))
+    return math.sqrt(float(values @ values) / values.size)
 
 
 def solve(matrix: Array, right: Array) -> Array:

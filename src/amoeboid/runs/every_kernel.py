@@ -16,6 +16,7 @@ import numpy as np
 from numba.core import config
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
 from amoeboid.config import Config, Initial, Mesh, Time, resolved
 from amoeboid.meshes.remeshing import due
 from amoeboid.model.parameters import Parameters
@@ -43,6 +44,9 @@ def call_every_kernel() -> Step:
             path.write_text(_obj(*_bent_rod(sliver)))
             initial = Initial(surface=str(path), repair=sliver)
             _first_steps(Config(parameters=p, initial=initial, time=Time(end=0.05)))
+    system, sphere = SteadySystem(p, 8, ("v_p0",)), homogeneous(p, 8).x
+    for kind in (float, complex):
+        system.residual_and_jacobian(sphere.astype(kind), np.array([p.v_p0], dtype=kind))
     migrate(found.final, "fluid")
     last = found.last
     # as after an unsuccessful attempt to remesh: edges are too short for this length

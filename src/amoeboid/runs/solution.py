@@ -29,6 +29,7 @@ from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import declared, times_of
 from amoeboid.simulation.loop import start
+from amoeboid.simulation.path import recorded
 from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import TimeSeries
@@ -116,6 +117,7 @@ def simulate(
     progress: Any = None,
     changes: Mapping[str, Any] | None = None,
     cue: Any = None,
+    environment: Any = None,
 ) -> Solution:
     """Simulate the 3D cell; without arguments the run of figure 3D, as `amoeboid run` does.
 
@@ -128,7 +130,9 @@ def simulate(
     `folder`: where to write the run, as the command does. `writers`: your own, see
     `amoeboid.simulation.writers`. `observe`: names of the observables of the time series, all of
     them if None. `changes`: parameters that change in time, such as `{"v_p0": steps((5, 0))}`;
-    `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `progress`: None shows a
+    `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `environment`: where the
+    cell migrates, such as `Fluid()` or "patch:30"; its path is recorded there, see
+    docs/motility.md. `progress`: None shows a
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
@@ -146,6 +150,11 @@ def simulate(
         config = replace(config, changes=Changes(changes))
     if cue is not None:
         config = replace(config, cue=cue)
+    if environment is not None:
+        config = replace(config, environment=environment)
+    if recorded(config.environment):
+        settled = config.environment.settled(config.parameters.units)
+        config = replace(config, environment=settled)
     if times is not None:
         at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))

@@ -12,6 +12,7 @@ from amoeboid.closed_forms.summary import Summary, Weakly, summary
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import physical_number, quantity, shortened, text, unit
+from amoeboid.studies.recorded import Recorded, texts
 
 
 class Number:
@@ -177,6 +178,29 @@ class Theory:
             return value if whole else physical_number(self.parameters, value, dimension)
 
         return _converted(self._listed(name), convert)
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: every number, growth rates along the mode l."""
+        notes = Recorded(texts(self.notes), title="what a reader must know")
+        return {name: self._recorded(name, n.title) for name, n in self.numbers()} | {
+            "notes": notes
+        }
+
+    def _recorded(self, name: str, title: str) -> Recorded:
+        value = self.plain(name)
+        physical = self.parameters.units is not None
+        unit = self.unit(name) if physical or self.unit(name) != "1" else ""
+        if isinstance(value, list):
+            return Recorded(value, unit, title, (f"{name.removesuffix('s')}_number",))
+        if not isinstance(value, dict):
+            return Recorded(value, unit, title)
+        degrees = tuple(self.summary.growth_rates)
+        labels: dict[str, tuple[Any, ...]] = {"l": degrees}
+        if name == "growth_rates_finite_pressure":
+            labels["rate"] = ("slow", "fast")
+            pairs = [value.get(l, [None, None]) for l in degrees]
+            return Recorded(pairs, unit, title, ("l", "rate"), labels)
+        return Recorded([value.get(l) for l in degrees], unit, title, ("l",), labels)
 
     def unit(self, name: str) -> str:
         """The unit of `plain`; the dimension where the parameters have no physical units."""
