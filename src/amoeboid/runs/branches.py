@@ -37,6 +37,8 @@ from amoeboid.validation import InvalidInput
 
 # The amplitudes of a mode, as root mean squares, that are tried to leave a branch with.
 AMPLITUDES = (3e-3, 1e-3, 1e-2)
+# Shares of the first step that are tried in turn.
+SHARES = (1.0, 0.3, 0.1)
 
 
 @one_thread
@@ -117,13 +119,23 @@ class _Traced:
         model_at = self._models(model)
         first = found_from(model_at(q), guess, q)
         sides = [end - q for end in self.window if abs(end - q) > 1e-9 * self.options.scale]
-        parts = []
-        for far in sides:
-            side = np.sign(far)
-            step = min(FIRST * self.options.max_step * self.options.scale, abs(far))
-            second = found_from(model_at(q + side * step), first.cell, q + side * step)
-            parts.append(self._followed(model_at, first, second))
-        return parts
+        return [
+            self._followed(model_at, first, self._second(model_at, first, q, far)) for far in sides
+        ]
+
+    def _second(
+        self, model_at: Callable[[float], Model], first: Found, q: float, far: float
+    ) -> Found:
+        """A cell beside the first one, on the way to q + far. Raises NotSteady."""
+        why = NotSteady("")
+        for share in SHARES:
+            length = share * FIRST * self.options.max_step * self.options.scale
+            there = q + float(np.clip(far, -length, length))
+            try:
+                return found_from(model_at(there), first.cell, there)
+            except NotSteady as error:
+                why = error
+        raise why
 
     def _first(self, mesh: Any, through: Any) -> tuple[Model, Moving, float]:
         """The model, a cell and its parameter to begin with. Raises InvalidInput."""
