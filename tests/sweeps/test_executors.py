@@ -24,6 +24,7 @@ def test_processes_of_our_own_give_the_same_bits():
     assert same(am.sweep(POINTS, solvers.square, workers=2))
 
 
+@pytest.mark.slow
 def test_executors_of_the_user_are_used_and_left_open():
     with ThreadPoolExecutor(2) as threads:
         assert same(am.sweep(POINTS, solvers.square, executor=threads))
@@ -48,6 +49,7 @@ def test_a_worker_that_dies_costs_its_point_a_retry_and_is_then_named():
     assert found["value"].values[[0, 1, 3, 4]].tolist() == [9, 16, 36, 49]
 
 
+@pytest.mark.slow
 def test_a_point_that_is_lost_once_has_its_answer_in_the_end(tmp_path, monkeypatch):
     monkeypatch.setenv("AMOEBOID_TEST_MARK", str(tmp_path / "mark"))
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as processes:
@@ -56,6 +58,7 @@ def test_a_point_that_is_lost_once_has_its_answer_in_the_end(tmp_path, monkeypat
     assert found["value"].values.tolist() == [16, 25, 36]
 
 
+@pytest.mark.slow
 def test_a_lost_point_is_tried_again_in_the_next_call(tmp_path, monkeypatch):
     points, folder = am.grid(v_p0=[4, 5, 6]), tmp_path / "a"
     monkeypatch.setenv("AMOEBOID_TEST_MARK", str(tmp_path / "nowhere" / "mark"))  # never made

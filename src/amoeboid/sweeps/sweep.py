@@ -155,7 +155,7 @@ class _Run:
             else:
                 known.update(rows)
                 meanings.update({n: joined(n, meanings.get(n), m) for n, m in new.items()})
-            self._fresh |= rows.keys()
+            self._fresh.update(rows)
             done += len(places)
             report(done, total)
 
