@@ -346,7 +346,7 @@ def _medium(text: Any) -> Environment:
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
-    `law.n=3` and `stress.chi=0.3` are parameters of law and stress, in any order. Values are
+    `law.n=3` and `stress.k=0.3` are parameters of law and stress, in any order. Values are
     written as in TOML; a bare word is a string. Raises InvalidInput.
     """
     changes: dict[str, dict[str, Any]] = {}

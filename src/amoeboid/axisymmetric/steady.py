@@ -2,8 +2,9 @@
 
 In the frame of the cell the shape rests: the normal cortex velocity is -v_p(c), the tangential one
 u is the retrograde flow itself. Besides shape, u, c, length scale and tension there are two slack
-unknowns that vanish at a solution: an axial force (one force equation is redundant) and a uniform
-source of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
+unknowns that vanish at a solution: an axial force (one force equation is redundant; with friction
+it is the drag on the motion of the cell instead, see `force_balance.forces`) and a uniform source
+of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
 from the turnover, for beta = 0 it is the conserved number).
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.force_balance import (
+    Motion,
     axial_strength,
     forces,
     speed,
@@ -36,6 +38,7 @@ from amoeboid.axisymmetric.unknowns import (
     split,
     unknown_count,
 )
+from amoeboid.forces import friction
 from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
@@ -49,6 +52,11 @@ MODES = 32
 MAX_MODES = 256
 STRONG = 5e-9
 """Residual of the continuous equations, between the points, up to which a state is resolved."""
+
+
+FRICTION = ("gamma_t", "gamma_n", "gamma_c")
+OPTIONAL = (*FRICTION, "gamma_share", "kappa", "cue")
+"""Parameters whose terms are left out of the equations where they are 0."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +78,7 @@ class Magnitudes:
             speed_here = p.v_p0 or p.delta_P * p.R0**2 / (p.eta_s + p.eta_b) or p.R0
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
         force = p.delta_P + viscous + abs(float(p.tau(concentration))) / p.R0
+        force += friction.unit(p) * speed_here + p.kappa / p.R0**3
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
 
 
@@ -144,7 +153,13 @@ class SteadySystem:
 
     @cached_property
     def _recorded(self) -> Equations:
-        return recorded_equations(self.n, hasattr(self._parameters, "cue"))
+        return recorded_equations(self.n, self._present)
+
+    @cached_property
+    def _present(self) -> frozenset[str]:
+        """The names of `OPTIONAL` that count: those that are not 0, or may change."""
+        values = ((name, getattr(self._parameters, name, 0.0)) for name in OPTIONAL)
+        return frozenset(name for name, value in values if value != 0 or name in self.names)
 
     def _inputs(self, x: Array, q: Array) -> Inputs:
         return Inputs(fields_of(x, self.n), self.point(q))
@@ -172,7 +187,8 @@ def equations(n: int, f: Fields, p: Any) -> list[Any]:
 
 def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
     """The same on a shape, with the polymerization speed there."""
-    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), f.axial, p)
+    motion = Motion(f.u, 0.0, -v_p, f.c)
+    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), motion, f.axial, p)
     area = 4 * np.pi * p.R0**2
     return [
         tangential,
@@ -185,11 +201,14 @@ def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
 
 
 @lru_cache(maxsize=16)
-def recorded_equations(n: int, cue: bool) -> Equations:
-    """`equations` as a program with its derivatives; the same object each time."""
+def recorded_equations(n: int, present: frozenset[str]) -> Equations:
+    """`equations` as a program with its derivatives; the same object each time.
+
+    Those of `OPTIONAL` that are not `present` are 0.
+    """
 
     def function(fields: Mapping[str, Any], record: Record) -> list[Any]:
-        return equations(n, Fields(**fields), _Recorded(record, cue))
+        return equations(n, Fields(**fields), _Recorded(record, present))
 
     return recorded(function, n, unknown_count(n), maps_of(n))
 
@@ -207,13 +226,18 @@ class Inputs:
 class _Recorded:
     """Parameters as inputs of a program, each by its name."""
 
-    def __init__(self, record: Record, cue: bool) -> None:
-        self._record, self._cue = record, cue
+    def __init__(self, record: Record, present: frozenset[str]) -> None:
+        self._record, self._present = record, present
 
-    def __getattr__(self, name: str) -> Symbol:
-        if name == "cue" and not self._cue:
-            raise AttributeError(name)
+    def __getattr__(self, name: str) -> Symbol | float:
+        if name in OPTIONAL and name not in self._present:
+            return 0.0
         return self._record.input(name)
+
+    @property
+    def has_friction(self) -> bool:
+        """See Material.has_friction."""
+        return not self._present.isdisjoint(FRICTION)
 
 
 @dataclass(frozen=True)
@@ -303,7 +327,7 @@ class SteadySolution(Measured):
 def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
-    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
+    zeta_0 = (delta_P + gamma_c v_p(c0)) R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
     """
     return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
@@ -311,7 +335,8 @@ def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
 def homogeneous_unknowns(p: Any, n: int) -> Array:
     """The unknowns of the homogeneous sphere, for real or complex parameters."""
     f0 = p.v_p(p.c0)
-    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
+    held = p.delta_P + p.gamma_c * f0
+    zeta0 = held * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
     x = np.zeros(unknown_count(n), dtype=np.result_type(zeta0, p.c0, p.R0, float))
     x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
     return x
@@ -362,9 +387,9 @@ def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25
 def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
-    Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each
-    in units of its magnitude in that state: pressure plus viscous force, largest c times largest
-    speed over R0.
+    Force balance and transport, without the slack unknowns (the axial force counts with friction),
+    on a grid of `finer` * n points, each in units of its magnitude in that state: pressure plus
+    viscous force, largest c times largest speed over R0.
     """
     point = SteadySystem(state.parameters, state.n, cue=state.cue).point(np.zeros(0))
     return _strong_residual(state.n, state.x, point, finer)
@@ -373,7 +398,9 @@ def strong_residual(state: SteadySolution, finer: int = 3) -> float:
 def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     m = finer * n
     x = resampled(coefficients, n, m)
-    x[-2:] = 0.0
+    x[-1] = 0.0
+    if not p.has_friction:
+        x[-2] = 0.0
     f = fields_of(x, m)
     s = shape(grid(m), f.psi, f.psi_slope, f.scale)
     v_p = speed(s, f.c, p)
@@ -381,6 +408,7 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     most = np.abs(f.c).max()
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
     force += np.abs(p.tau(f.c)).max() / p.R0
+    force += friction.unit(p) * fastest + p.kappa / p.R0**3
     area = 4 * np.pi * p.R0**2
     units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
     return float(np.max(np.abs(np.concatenate(equations_on(s, v_p, f, p))) / units))

@@ -14,6 +14,7 @@ from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.folder import RunFolder, new_folder, new_run
 from amoeboid.runs.advance import (
+    INTERRUPTED,
     FramesInMemory,
     Record,
     advance,
@@ -21,6 +22,7 @@ from amoeboid.runs.advance import (
     summary,
 )
 from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.meshes import Icosphere, placed_on
 from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
@@ -136,8 +138,9 @@ def simulate(
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
-    The solution of a run that cannot go on has the status "diverged"; its steps are good. Raises
-    InvalidInput.
+    The solution of a run that cannot go on has the status "diverged"; its steps are good. Ctrl-C
+    ends a run after the present step with a KeyboardInterrupt that has the run up to there as
+    `solution`; a second one ends it at once. Raises InvalidInput.
     """
     check_progress(progress)
     config = parameters if isinstance(parameters, Config) else Config()
@@ -214,9 +217,13 @@ def _solved(
     observe: tuple[str, ...] | None,
     cell: InitialCell | None,
 ) -> Solution:
-    """The solution of a run that is made now."""
+    """The solution of a run that is made now. Raises Interrupted, which has it, after Ctrl-C."""
     time = resolved(config).time
-    with wanted(progress, first.state.t, time.end) as report:
+    with (
+        interruptible_from_python() as interruption,
+        wanted(progress, first.state.t, time.end) as report,
+    ):
+        events = [*events, interruption]
         if isinstance(into, RunFolder):
             outcome, _ = advance_in_folder(into, first, events, report)
             rows, units = into.rows, into.units
@@ -224,7 +231,10 @@ def _solved(
         else:
             outcome = advance(into, first, time, events, report)
             rows, units, frames = into.series.rows, into.series.units, into.frames.kept
-    return Solution(
+    solution = Solution(
         config, rows, units, frames, outcome.last, outcome.status, outcome.ended, observe, cell,
         first.adapted,
     )  # fmt: skip
+    if solution.status == INTERRUPTED:
+        raise Interrupted(solution)
+    return solution

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.closed_forms.branch import Prediction
 from amoeboid.closed_forms.summary import Summary, Weakly, summary
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
@@ -51,7 +52,12 @@ def _weakly(of: Callable[[Weakly], Any]) -> Callable[[Summary], Any]:
 
 def _polarized(of: Callable[[Weakly], Any]) -> Callable[[Summary], Any]:
     """What it says of the polarized state; None where there is no such state."""
-    return _weakly(lambda w: of(w) if w.prediction.state.exists else None)
+    return _weakly(lambda w: of(w) if w.state.exists else None)
+
+
+def _predicted(of: Callable[[Prediction], Any]) -> Callable[[Summary], Any]:
+    """What the comparison with the next order says of it; None where that is not known."""
+    return _polarized(lambda w: None if w.prediction is None else of(w.prediction))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -107,37 +113,31 @@ class Theory:
     amplitude = Number(
         "N/L^2",
         "amplitude of the polarized state",
-        _polarized(lambda w: float(w.prediction.state.amplitude)),
+        _polarized(lambda w: float(w.state.amplitude)),
     )
-    amplitude_stable = Number(
-        "", "... is stable", _polarized(lambda w: bool(w.prediction.state.stable))
-    )
+    amplitude_stable = Number("", "... is stable", _polarized(lambda w: bool(w.state.stable)))
     max_retrograde_speed_cubic = Number(
         "L/T",
         "its retrograde speed, prefactor at v_p^c",
-        _polarized(lambda w: float(w.prediction.max_retrograde_speed)),
+        _polarized(lambda w: w.max_retrograde_speed),
     )
     max_retrograde_speed_at_v_p0 = Number(
         "L/T",
         "... with the prefactor at v_p0",
-        _polarized(lambda w: float(w.prediction.max_retrograde_speed_at_v_p0)),
+        _predicted(lambda q: float(q.max_retrograde_speed_at_v_p0)),
     )
     max_retrograde_speed_next_order = Number(
         "L/T",
         "... by the next order",
-        _polarized(
-            lambda w: (
-                float(w.prediction.next_order_speed) if w.prediction.next_order.exists else None
-            )
-        ),
+        _predicted(lambda q: float(q.next_order_speed) if q.next_order.exists else None),
     )
     relative_error = Number(
         "",
         "estimated relative error of the cubic speed",
-        _polarized(lambda w: float(w.prediction.relative_error)),
+        _predicted(lambda q: float(q.relative_error)),
     )
     in_reach = Number(
-        "", "... the cubic theory reaches v_p0", _polarized(lambda w: bool(w.prediction.in_reach))
+        "", "... the cubic theory reaches v_p0", _predicted(lambda q: bool(q.in_reach))
     )
     rho_2 = Number(
         "", "shape coefficient rho_2, r = R0 (1 + rho_2 P_2)", _polarized(lambda w: w.rho_2)
