@@ -104,6 +104,13 @@ def test_a_branch_and_pairs_and_units():
     assert found["v_p0"].attrs["units"] == "um/s"
 
 
+def test_motility_is_that_of_the_fastest_stable_state():
+    text = '[base]\nD = 0.4\n[vary]\nv_p0 = [6]\n[solver]\nname = "motility"\nin = "patch:30"\n'
+    assert main(["sweep", write(text)]) == 0
+    state = am.steady_states(am.Parameters(D=0.4, v_p0=6), (1,)).fastest_stable
+    assert am.load_sweep("a")["speed"].item() == am.migrate(state, "patch:30").speed
+
+
 def test_random_points_and_refinement(capsys):
     text = '[vary]\nD = [0.03, 0.6]\n[solver]\nname = "theory"\n[sobol]\ncount = 5\nseed = 3\n'
     assert main(["sweep", write(text), "--dry-run"]) == 0
@@ -127,6 +134,7 @@ def test_random_points_and_refinement(capsys):
         ('name = "theory"', 'name = "steady"\ndegrees = [0]', r"\[solver\] degrees must be whole"),
         ('name = "theory"', 'name = "branch"', r"\[solver\] to must be given"),
         ('name = "theory"', 'name = "simulate"\nmesh.size = 1', r"\[solver\]: 'size' is no field"),
+        ('name = "theory"', 'name = "motility"\nin = "air"', r"\[solver\]: "),
         ("D = 0.4", "E = 0.4", r"\[base\]: 'E' is no parameter"),
         ("c0 = [3, -1]", "c0 = 3", r"\[vary\]: the values of c0 must be a list"),
         ("c0 = [3, -1]", "c0 = {linspace = 3}", r"\[vary\]: linspace of c0 must be"),

@@ -95,8 +95,13 @@ def sweep(
         retry,
         key,
     )
-    with run.storing(first), _reported(progress) as report:
-        found = run.made(first, report) if plan is None else _refined(run, plan, report)
+    try:
+        with run.storing(first), _reported(progress) as report:
+            found = run.made(first, report) if plan is None else _refined(run, plan, report)
+    except KeyboardInterrupt as stop:
+        if place is not None:
+            stop.add_note(f"what is done is kept in {str(place)!r}; the same call goes on")
+        raise
     if place is not None and part == WHOLE:
         found.save(place / TABLE)
     return found
