@@ -2,6 +2,9 @@
 
 import functools
 import multiprocessing
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
@@ -136,14 +139,30 @@ def test_dask_gives_the_same_bits():
         assert same(found, points, am.steady_states)
 
 
-@pytest.mark.slow
-def test_dask_names_a_point_that_ends_its_workers():
-    distributed = pytest.importorskip("distributed", reason="distributed is not installed")
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    )
-    with cluster, distributed.Client(cluster) as client:
+KILLING = """
+import dask
+import amoeboid as am
+from distributed import Client, LocalCluster
+from sweeps import solvers
+
+if __name__ == "__main__":
+    dask.config.set({"distributed.scheduler.allowed-failures": 0})
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client:
         points = am.grid(v_p0=[3, 4, 5, 6])
-        found = am.sweep(points, solvers.deadly, executor=client.get_executor())
-    assert [f.values for f in found.failed] == [{"v_p0": 5.0}]
-    assert "KilledWorker" in found.failed[0].why
+        print(am.sweep(points, solvers.deadly, executor=client.get_executor()))
+"""
+
+
+@pytest.mark.slow
+def test_dask_names_a_point_that_ends_its_workers(tmp_path):
+    pytest.importorskip("distributed", reason="distributed is not installed")
+    script = tmp_path / "script.py"
+    script.write_text(KILLING)
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    found = subprocess.run(
+        [sys.executable, str(script)], env=env, capture_output=True, text=True, check=True
+    )
+    heading, *failures = found.stdout.splitlines()
+    assert heading.endswith(": 1 failed, 3 ok")
+    assert failures[0].startswith("- v_p0 = 5: lost twice: KilledWorker: ")
