@@ -216,7 +216,11 @@ def test_the_same_fit_has_the_same_bits():
         ([], P, "free must name at least one parameter"),
         (["D", "D"], P, "free must name each parameter once"),
         (["alpha"], P, "a free parameter must not start at 0, alpha does"),
-        (["D"], P.replace(v_p0=2.0), "v_p0 = 2 has none"),
+        (
+            ["D"],
+            P.replace(v_p0=2.0),
+            r"v_p0 = 2 has none \(threshold 6.02566\); start a little above",
+        ),
         (["D"], am.Parameters.physical(), "u must have a unit where the parameters have"),
         (["D"], 0.4, "p must be amoeboid.Parameters"),
         (NAMES, P, "data must hold at least 4 values for D, v_p0, c0, beta, got 3"),
@@ -226,6 +230,24 @@ def test_what_cannot_be_fitted_is_refused(free, start, message):
     data = am.synthetic(P, {"u": 0.04}, theta=[30, 90, 150])
     with pytest.raises(am.InvalidInput, match=message):
         am.fit(data, free, start)
+
+
+def test_values_beyond_all_measure_are_refused():
+    with pytest.raises(am.InvalidInput, match="values must be within 150 orders of magnitude"):
+        am.fit({"theta [deg]": [90, 100], "u": [1e200, 1], "u_error": [1, 1]}, ["D"], P)
+
+
+def test_a_flow_of_the_other_sign_is_told():
+    data = am.synthetic(P, {"u": 0.04})
+    data["u"] = -data["u"]
+    assert "u is negative on the average" in repr(am.fit(data, ["v_p0"], P, starts=1).problems)
+
+
+def test_a_parameter_of_a_law_is_found():
+    hill = am.Parameters(D=0.4, v_p0=9.5, law=am.Custom("v_p0/(1 + (c/c_r)**n)", n=3.0))
+    data = am.synthetic(hill, {"c": 0.05})
+    found = am.fit(data, ["law.n"], hill.replace(**{"law.n": 2.9}), starts=1)
+    assert found.interval("law.n", 0.999).holds(3.0)
 
 
 def test_units_need_parameters_with_units():

@@ -44,9 +44,12 @@ def test_a_fit_is_printed_as_a_table_and_as_json(plain, tmp_path, capsys):
 def test_wrong_input_is_one_message_and_exit_code_2(plain, tmp_path, capsys):
     bad = tmp_path / "bad.csv"
     bad.write_text("theta [deg],u\n30,0.1\n60,much\n")
+    number = tmp_path / "number.csv"
+    number.write_text("zeta0,zeta0_error\n155,1\n")
     for words, message in (
         ([str(bad), "--free", "D"], "line 3, column 'u': must be a number, got 'much'"),
         ([str(tmp_path / "none.csv"), "--free", "D"], "No such file"),
+        ([str(number), "--free", "D", "--plot", "a.png"], "--plot draws profiles"),
         ([str(plain), "--free", "D,E"], "'E' is no parameter"),
         ([str(plain), "--free", "D", "--bounds", "D=3"], "--bounds takes NAME=LOW:HIGH"),
         ([str(plain), "--free", "D", "--bounds", "D=1:2"], "must lie on both sides of its start"),

@@ -74,6 +74,8 @@ def execute(args: argparse.Namespace) -> int:
     if not 0 < args.level < 1:
         raise InvalidInput(f"--level must be a number between 0 and 1, got {args.level:g}")
     data = measurements(args.data, args.theta_from)
+    if args.plot is not None and all(q.theta is None for q in data):
+        raise InvalidInput("--plot draws profiles, the data have none; leave it out")
     args.physical = args.physical or data.physical
     p = only_parameters(args)
     names = [name.strip() for name in args.free.split(",") if name.strip()]
@@ -88,7 +90,7 @@ def execute(args: argparse.Namespace) -> int:
             seed=args.seed,
             watch=watch,
         )
-        intervals = found.intervals(args.level)
+        intervals = found.intervals(args.level, watch)
     for note in (*(c.text for c in found.undetermined), *found.problems):
         tell("fit", note)
     if args.json:

@@ -41,9 +41,9 @@ class Sensitivity:
 
     @classmethod
     def of(cls, jacobian: Array) -> Sensitivity:
-        """That of residuals (m,) to unknowns (k,)."""
-        _, s, right = np.linalg.svd(jacobian)
-        return cls(np.append(s, np.zeros(right.shape[0] - s.size)), right)
+        """That of residuals (m,) to no more unknowns (k,)."""
+        _, s, right = np.linalg.svd(jacobian, full_matrices=False)
+        return cls(s, right)
 
     @property
     def determined(self) -> Array:

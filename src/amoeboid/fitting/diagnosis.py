@@ -120,6 +120,8 @@ def _of_the_search(found: Fit) -> list[str]:
 
 def _of_the_data(found: Fit) -> list[str]:
     texts = []
+    if any(q.name == "u" and q.values.mean() < 0 for q in found.data):
+        texts.append("u is negative on the average: retrograde flow is positive, front to rear")
     if found.errors_estimated:
         texts.append(
             f"errors of {', '.join(found.errors_estimated)} were estimated from the residuals: "

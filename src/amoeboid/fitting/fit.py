@@ -153,6 +153,12 @@ def _solution(
     lower, upper = _bounds(base, names, bounds, len(factor_names))
     problem = Problem(base, names, targets, lower, upper)
     begin = Point(targets, np.append(np.zeros(len(names)), factors), state)
+    with np.errstate(over="ignore"):
+        if not np.isfinite(begin.chi2):
+            raise InvalidInput(
+                f"{data.source}: values must be within 150 orders of magnitude of what the cell "
+                "predicts, and errors not much smaller; look at the units"
+            )
 
     def shown(iteration: int, point: Point) -> None:
         p = point.state.solution.parameters

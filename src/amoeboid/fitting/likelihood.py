@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,8 +59,18 @@ def profile_point(problem: Problem, near: Point, k: int, value: float) -> Point 
     return None if found.edge else found.point
 
 
-def end(problem: Problem, best: Point, k: int, rise: float, towards: float) -> End:
-    """Where chi2 of the profile of y_k has risen by rise^2, in the direction of the sign given."""
+def end(
+    problem: Problem,
+    best: Point,
+    k: int,
+    rise: float,
+    towards: float,
+    tried: Callable[[int], None],
+) -> End:
+    """Where chi2 of the profile of y_k has risen by rise^2, in the direction of the sign given.
+
+    `tried` is called before each value of y_k that is tried.
+    """
     deviation = float(Sensitivity.of(best.jacobian).errors[k])
     bound = float((problem.upper if towards > 0 else problem.lower)[k])
     reach = abs(bound - best.y[k])
@@ -67,7 +78,8 @@ def end(problem: Problem, best: Point, k: int, rise: float, towards: float) -> E
         return End(None, "the best value lies at its bound")
     below, above = (0.0, 0.0), (np.inf, np.inf)  # distance, root of the rise
     distance, near = min(rise * deviation, LONGEST, reach), best
-    for _ in range(MAX_TRIALS):
+    for trial in range(MAX_TRIALS):
+        tried(trial)
         point = profile_point(problem, near, k, best.y[k] + towards * distance)
         if point is None:
             above = (distance, np.inf)

@@ -153,7 +153,7 @@ def targets_of(
         theta = None if q.theta is None else (np.pi - q.theta if mirrored else q.theta)
         size = q.size(p)
         values = q.values * size
-        spread = float(np.sqrt(np.mean(values**2))) or 1.0
+        spread = float(np.abs(values).max()) or 1.0
         errors = np.full(values.size, spread) if q.errors is None else q.errors * size
         target = Target(q.name, theta, values, errors, None, q.errors is None)
         if q.arbitrary:

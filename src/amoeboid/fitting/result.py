@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import gammaincc, ndtri, stdtrit
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.progress import Watch, unwatched
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.display import html_picture, html_table, plotted, shown, text_table
 from amoeboid.fitting import likelihood
 from amoeboid.fitting.determination import UNDETERMINED, Combination, Sensitivity
@@ -153,35 +153,42 @@ class Fit:
         """(prediction - value)/error by quantity, in the order of the data."""
         return {t.name: self.point.residuals_of(k) for k, t in enumerate(self.problem.targets)}
 
-    def interval(self, name: str, level: float = 0.95) -> Interval:
+    def interval(self, name: str, level: float = 0.95, watch: Watch = unwatched) -> Interval:
         """The confidence interval of an unknown, by profile likelihood.
 
-        Raises InvalidInput for an unknown name and a level that is not between 0 and 1.
+        `watch` is called with every value that is tried. Raises InvalidInput for an unknown name
+        and a level that is not between 0 and 1.
         """
         refuse_unknown([name], self.unknowns, "unknown of this fit")
         if not isinstance(level, float) or not 0 < level < 1:
             raise InvalidInput(f"level must be a number between 0 and 1, got {level!r}")
         if (name, level) not in self._known_intervals:
-            self._known_intervals[name, level] = self._interval(self.unknowns.index(name), level)
+            k = self.unknowns.index(name)
+            self._known_intervals[name, level] = self._interval(k, level, watch)
         return self._known_intervals[name, level]
 
-    def intervals(self, level: float = 0.95) -> dict[str, Interval]:
+    def intervals(self, level: float = 0.95, watch: Watch = unwatched) -> dict[str, Interval]:
         """The confidence intervals of all unknowns."""
-        return {name: self.interval(name, level) for name in self.unknowns}
+        return {name: self.interval(name, level, watch) for name in self.unknowns}
 
     @cached_property
     def _known_intervals(self) -> dict[tuple[str, float], Interval]:
         return {}
 
     @one_thread
-    def _interval(self, k: int, level: float) -> Interval:
+    def _interval(self, k: int, level: float, watch: Watch) -> Interval:
         rise = self._quantile(level)
         deviation = self.sensitivity.errors[k]
         signs = (-1.0, 1.0)
+
+        def tried(trial: int) -> None:
+            value = self._value(k, float(self.point.y[k]))
+            watch(Progress("interval", self.unknowns[k], value, self.point.state.solution.n, trial))
+
         if deviation > UNDETERMINED:
             ends = [likelihood.End(None, "the data do not determine it")] * 2
         else:
-            ends = [likelihood.end(self.problem, self.point, k, rise, s) for s in signs]
+            ends = [likelihood.end(self.problem, self.point, k, rise, s, tried) for s in signs]
         values = [None if e.value is None else self._quantity(k, e.value) for e in ends]
         if abs(self._value(k, 0.0)) != self._value(k, 0.0):  # of a negative parameter
             values.reverse()
@@ -223,8 +230,9 @@ class Fit:
     def profile(self, name: str, theta: Any = None) -> dict[str, Column]:
         """The predicted profile "u" or "c" with its standard error, by columns.
 
-        `theta` in degrees, counted as in the data; every 2 degrees if left out. In the unit of the
-        data. Raises InvalidInput for a profile that was not measured.
+        `theta` in degrees from the front, or where the pole was unknown as in the data; every 2
+        degrees if left out. In the unit of the data. Raises InvalidInput for a profile that was not
+        measured.
         """
         k = self._profile_place(name)
         angles = ANGLES if theta is None else np.deg2rad(np.atleast_1d(np.asarray(theta, float)))

@@ -21,7 +21,7 @@ from amoeboid.validation import DECIMAL_COMMA, InvalidInput
 
 HEADING = re.compile(r"\s*([A-Za-z_]\w*)\s*(?:\[([^\[\]]*)\]\s*)?", re.ASCII)
 NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-MAX_BYTES = 20_000_000
+MAX_BYTES, MAX_ROWS = 5_000_000, 20_000
 
 
 @dataclass(frozen=True)
@@ -111,6 +111,11 @@ def _of_file(path: Path) -> Table:
         raise InvalidInput(
             f"{path}, line {reader.line_num}: must be comma-separated values: {error}"
         ) from None
+    if len(lines) > MAX_ROWS:
+        raise InvalidInput(
+            f"{path} must have at most {MAX_ROWS} lines, it has {len(lines)}; average neighboring "
+            "points"
+        )
     if len(lines) < 2:
         raise InvalidInput(
             f"{path} must have a line of headings, such as theta [deg],u [um/s],u_error [um/s], "
@@ -154,6 +159,10 @@ def _of_mapping(data: Mapping[Any, Any], units: Mapping[str, Any]) -> Table:
         title = f"{heading} [{unit}]" if unit and "[" not in str(heading) else str(heading)
         found.append((title, entries))
     length = max((len(entries) for _, entries in found), default=0)
+    if length > MAX_ROWS:
+        raise InvalidInput(
+            f"data must have at most {MAX_ROWS} rows, got {length}; average neighboring points"
+        )
     if length == 0:
         raise InvalidInput(f"data must have at least one column with a value, got {data!r:.200}")
     columns = tuple(
