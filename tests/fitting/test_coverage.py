@@ -40,5 +40,5 @@ def test_the_posterior_agrees_with_the_covariance_of_least_squares():
     assert np.mean(posterior.y, axis=0) == pytest.approx(found.point.y, abs=0.3 * sizes.max())
     correlation = posterior.covariance[0, 1] / np.sqrt(np.prod(np.diag(posterior.covariance)))
     assert correlation == pytest.approx(found.correlation[0, 1], abs=0.1)
-    again = found.posterior(600, seed=1)
-    assert np.array_equal(again.y, posterior.y)
+    one, other = (found.posterior(10, seed=1) for _ in range(2))
+    assert np.array_equal(one.y, other.y)
