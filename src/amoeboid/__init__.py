@@ -23,6 +23,7 @@ if TYPE_CHECKING:
         config_from_toml,
         config_to_toml,
     )
+    from amoeboid.explorer.notebook import explore
     from amoeboid.fitting.fit import fit
     from amoeboid.fitting.measurements import Measurements, measurements
     from amoeboid.fitting.result import Fit
@@ -126,6 +127,7 @@ _HOMES = {
     "config_from_toml": "config",
     "config_to_toml": "config",
     "evolve": "simulation.loop",
+    "explore": "explorer.notebook",
     "figures": "figures",
     "fit": "fitting.fit",
     "grid": "sweeps.points",
@@ -218,6 +220,7 @@ __all__ = [
     "config_from_toml",
     "config_to_toml",
     "evolve",
+    "explore",
     "figures",
     "fit",
     "grid",

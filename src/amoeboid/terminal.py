@@ -133,6 +133,11 @@ class _NotebookLine:
             self._handle.update({"text/plain": ""}, raw=True)
 
 
+def in_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    return _notebook() is not None
+
+
 def _notebook() -> Any:
     """IPython's function `display` in the kernel of a notebook, None elsewhere."""
     ipython = sys.modules.get("IPython")

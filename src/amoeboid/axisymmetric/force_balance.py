@@ -103,10 +103,11 @@ def axial_strength(cue: Any) -> float:
     """
     if cue is None:
         return 0.0
-    if not isinstance(cue, Cue) or cue.direction[0] != 0 or cue.direction[1] != 0:
+    along = isinstance(cue, Cue) and cue.direction[0] == 0 == cue.direction[1]
+    if not along or cue.pokes:
         raise InvalidInput(
-            f"an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), got {cue!r}; "
-            "use a run in 3D"
+            "an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), and no pokes, "
+            f"got {cue!r}; use a run in 3D"
         )
     return float(np.copysign(cue.strength, cue.direction[2] * cue.strength))
 

@@ -30,6 +30,7 @@ COMMANDS = {
     "sweep": "a solver at many points of parameters, in parallel, with all answers in one table",
     "fit": "parameters of a cell from measured profiles of flow and concentration, with errors",
     "motility": "migration velocity in a fluid, a matrix, on substrates and in channels",
+    "explore": "a live page in the browser: sliders, the branch, and a 3D cell that moves",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

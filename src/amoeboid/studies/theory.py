@@ -206,7 +206,8 @@ class Theory:
         """The unit of `plain`; the dimension where the parameters have no physical units."""
         return unit(self.parameters, vars(type(self))[name].dimension)
 
-    def _text(self, name: str) -> str:
+    def text(self, name: str) -> str:
+        """An entry as it is printed, with its unit; "none" where there is no such number."""
         value, dimension = self._listed(name), vars(type(self))[name].dimension
         if value is None or value == []:
             return "none"
@@ -224,10 +225,10 @@ class Theory:
         return value.tolist() if isinstance(value, np.ndarray) else value
 
     def __repr__(self) -> str:
-        flow = self._text("max_retrograde_speed")
+        flow = self.text("max_retrograde_speed")
         lines = [
-            f"Theory: threshold {self._text('threshold')}, bifurcation "
-            f"{self._text('bifurcation')}; {self.parameters.description}",
+            f"Theory: threshold {self.text('threshold')}, bifurcation "
+            f"{self.text('bifurcation')}; {self.parameters.description}",
             f"growth rate of l = 1: {text(self.parameters, self.summary.growth_rates[1], '1/T')}, "
             f"predicted max_retrograde_speed: {'unknown' if flow == 'none' else flow}",
         ]
@@ -247,7 +248,7 @@ class Theory:
                     for l, value in self.plain(name).items()
                 ]
             elif self._listed(name) is not None:
-                rows.append((name, self._text(name), number.title))
+                rows.append((name, self.text(name), number.title))
         heading = f"Theory; {self.parameters.description}"
         return html_table(heading, rows, ("name", "value", "meaning"), self.notes)
 
