@@ -200,10 +200,10 @@ def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
 
 @pytest.mark.slow
 def test_a_killed_browser_leaves_no_process():
-    with explorer("--idle", "2") as (process, address), browser() as own:
+    with browser() as own, explorer("--idle", "10") as (process, address):
         own.open(address).until("explorer.live.latest")
         below = children(process.pid)
         assert len(below) == 2
         kill(own.process)
-        assert process.wait(30) == 0
+        assert process.wait(60) == 0
         assert gone(below)
