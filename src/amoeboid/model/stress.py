@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.specified import FromExpression, FromFunction, made
+from amoeboid.numerics.traced import Traced
 from amoeboid.validation import number, validate
 
 
@@ -141,9 +142,10 @@ def isotropic_stress(
 
     SI `surfaceStressAlpha` without its viscous part.
     """
-    tau = -alpha * np.asarray(c)
+    c = c if isinstance(c, Traced) else np.asarray(c)
     slopes = (-alpha, *[0.0] * order)[:order]
-    elastic = (tau, *(np.full(tau.shape, slope) for slope in slopes))
+    tau = -alpha * c
+    elastic = (tau, *(slope + np.zeros_like(tau) for slope in slopes))
     if isinstance(active, NoStress):
         return elastic
     found = active.derivatives(c, c_r, order)
