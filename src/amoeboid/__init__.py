@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
     from amoeboid.studies.branch import Branch, SpecialPoint
+    from amoeboid.studies.many import ManySteadyStates, many_steady_states
     from amoeboid.studies.migration import Migration, migrate
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
@@ -84,6 +85,7 @@ _HOMES = {
     "Law": "model.polymerization",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
+    "ManySteadyStates": "studies.many",
     "Mesh": "config",
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
@@ -117,6 +119,7 @@ _HOMES = {
     "growth_rate": "closed_forms.linear",
     "load": "runs.stored",
     "migrate": "studies.migration",
+    "many_steady_states": "studies.many",
     "observable": "observables",
     "observed": "observables",
     "parameters_from_toml": "model.parameters",
@@ -161,6 +164,7 @@ __all__ = [
     "Inverse",
     "Kymograph",
     "Law",
+    "ManySteadyStates",
     "Matrix",
     "MeasuredCell",
     "Mesh",
@@ -194,6 +198,7 @@ __all__ = [
     "figures",
     "growth_rate",
     "load",
+    "many_steady_states",
     "migrate",
     "observable",
     "observed",

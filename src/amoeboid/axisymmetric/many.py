@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +22,18 @@ from amoeboid.axisymmetric.lanes import (
     Lane,
     Problem,
 )
-from amoeboid.axisymmetric.steady import STRONG, Magnitudes, homogeneous_unknowns
+from amoeboid.axisymmetric.spectral import grid
+from amoeboid.axisymmetric.steady import (
+    STRONG,
+    Magnitudes,
+    SteadySystem,
+    homogeneous_unknowns,
+)
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.closed_forms.points import Points, points
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
 
 CONVERGED, STOPPED, UNRESOLVED, SPHERE, UNDEFINED = range(5)
@@ -37,11 +46,10 @@ REASONS = (
     "the law has no value at the concentrations of the state",
 )
 
+CHUNK_ON_CPU, CHUNK = 64, 3000
+"""Cells that are computed at the same time, on a processor and on an accelerator."""
 MIN_SEEDS, SHARE_OF_SEEDS = 32, 0.05
 """Cells that are followed from the threshold; the others start from the nearest of them."""
-STEPS = 4
-"""Newton steps between two looks at the lanes."""
-
 Told = Callable[[int, int], None]
 """Called with the number of cells that are done, and of all."""
 
@@ -78,6 +86,10 @@ class Table:
     def __len__(self) -> int:
         return len(self.threshold)
 
+    def parameters(self, k: int) -> Parameters:
+        """The parameters of a cell at its threshold."""
+        return self.of.parameters(k).replace(v_p0=float(self.threshold[k]))
+
     def scale(self, n: int) -> Array:
         """Typical magnitude of each unknown (cells, unknowns)."""
         return Magnitudes.of(self.of).of_unknowns(self.of, n)
@@ -112,24 +124,31 @@ def _thresholds(p: Points) -> Array:
 
 
 def solved(
-    p: Points, guess: tuple[int, Array] | None, modes: int, max_modes: int, chunk: int, told: Told
+    p: Points,
+    guess: tuple[int, Array] | None,
+    modes: int,
+    max_modes: int,
+    chunk: int | None,
+    told: Told,
 ) -> Found:
     """The polarized state of every point, on the branch that leaves the sphere as v_p0 grows.
 
-    `guess` (n, x (cells, 3 n + 3)): states to start from, instead of the threshold.
+    `guess` (n, x (cells, 3 n + 3)): states to start from, instead of the threshold. `chunk` is the
+    number of lanes, by default one that suits the device.
     """
-    with lanes.jax().enable_x64(True):
+    jax = lanes.jax()
+    with jax.enable_x64(True):
+        if chunk is None:
+            chunk = CHUNK_ON_CPU if jax.default_backend() == "cpu" else CHUNK
         return _Work(Table.made(p), modes, max_modes, chunk, told).done(guess)
 
 
 class _Work:
     """All cells, those that are done, and their states."""
 
-    def __init__(
-        self, table: Table, modes: int, max_modes: int, chunk: int, told: Told
-    ) -> None:
+    def __init__(self, table: Table, modes: int, max_modes: int, chunk: int, told: Told) -> None:
         self.table, self.modes, self.max_modes = table, modes, max_modes
-        self.chunk, self.told = min(chunk, max(len(table), 1)), told
+        self.chunk, self.told = min(chunk, len(table)), told
         count = len(table)
         self.n = np.full(count, modes)
         self.z = np.zeros((count, 3 * modes + 3))
@@ -150,11 +169,11 @@ class _Work:
             self._corrected(np.arange(len(self.table)), z / self.table.scale(self.modes))
         self._refined()
         scales = {n: self.table.scale(n) for n in np.unique(self.n)}
-        x = [self._state(k) * scales[self.n[k]][k] for k in range(len(self.table))]
-        return Found(self.n, x, self.status, self.steps)
+        states = [self._state(k) * scales[self.n[k]][k] for k in range(len(self.table))]
+        return Found(self.n, states, self.status, self.steps)
 
-    def _state(self, k: int) -> Array:
-        return self.finer.get(k, self.z[k])
+    def _state(self, k: Any) -> Array:
+        return self.finer.get(int(k), self.z[k])
 
     def _tell(self, count: int) -> None:
         self.finished += count
@@ -189,10 +208,9 @@ class _Work:
             return
         problem, all_cells = self._problem(self.modes), self.table.cells(self.modes)
         spheres = self.table.spheres(self.modes)
-        leave = lanes.departure(problem)
         tangents = np.zeros_like(spheres)
-        for part in self._parts(cells):
-            tangents[part] = leave(spheres[part], _some(all_cells, part))
+        for k in cells:
+            tangents[k] = _departure(self.table.parameters(k), self.modes)
         zero = np.zeros(len(self.table))
         begin = Lane(
             z=spheres + FIRST_STEP * tangents, q=zero + 1.0, z0=spheres, q0=zero + 1.0,
@@ -280,22 +298,39 @@ class _Work:
         keep: Callable[[Array, Lane], None],
     ) -> None:
         """Newton steps in all lanes until every cell is done; free lanes take the next cell."""
-        step = lanes.advance(problem, STEPS)
+        step = lanes.advance(problem)
         [first] = self._parts(cells[: self.chunk])
         waiting = cells[self.chunk :]
         at, here = _lanes(begin, first), first.copy()
         busy = np.arange(self.chunk) < min(cells.size, self.chunk)
+        some = _some(all_cells, here)
         while busy.any():
-            at = Lane(*(np.array(x) for x in step(at, _some(all_cells, here))))
-            ready = np.flatnonzero(busy & (at.doing >= FOUND))
-            if ready.size:
-                keep(here[ready], Lane(*(x[ready] for x in at)))
-                following, waiting = waiting[: ready.size], waiting[ready.size :]
-                places = ready[: following.size]
-                here[places] = following
-                for x, new in zip(at, _lanes(begin, following), strict=True):
-                    x[places] = new
-                busy[ready[following.size :]] = False
+            at = step(at, some)
+            ready = np.flatnonzero(busy & (np.asarray(at.doing) >= FOUND))
+            if not ready.size:
+                continue
+            at = Lane(*(np.array(x) for x in at))
+            keep(here[ready], Lane(*(x[ready] for x in at)))
+            following, waiting = waiting[: ready.size], waiting[ready.size :]
+            places = ready[: following.size]
+            here[places] = following
+            for x, new in zip(at, _lanes(begin, following), strict=True):
+                x[places] = new
+            busy[ready[following.size :]] = False
+            some = _some(all_cells, here)
+
+
+def _departure(p: Parameters, n: int) -> Array:
+    """The null vector of the scaled Jacobian at the sphere at its threshold, a unit tangent."""
+    system = SteadySystem(p, n)
+    jacobian = system.jacobian(homogeneous_unknowns(p, n), np.zeros(0)) * system.scale
+    size, k = jacobian.shape[0], 2 * n  # the coefficient of cos(x) in c
+    bordered = np.zeros((size + 1, size + 1))
+    bordered[:size, :size], bordered[size, k] = jacobian, 1.0
+    bordered[2 * n : 3 * n, size] = np.cos(grid(n).x)
+    found = solve(bordered, np.append(np.zeros(size), 1.0))[:size]
+    towards = np.sign(np.sum(found[2 * n - 1 : 3 * n - 1]))  # more filaments at the pole x = 0
+    return towards * found / np.sqrt(np.sum(found[:-4] ** 2))
 
 
 def _at_speed(z: Array, target: Array) -> Lane:

@@ -67,6 +67,16 @@ class Points(Material):
             for index in np.ndindex(self.shape)
         ]
 
+    def parameters(self, number: int) -> Parameters:
+        """The parameters of one point, counted in C order."""
+        numbers = {
+            name: float(np.broadcast_to(value, self.shape).flat[number])
+            for name, value in self.columns().items()
+        }
+        one = _with_numbers(self, numbers)
+        plain: dict[str, Any] = {k: value for k, value in numbers.items() if "." not in k}
+        return Parameters(**plain, law=one.law, stress=one.stress)
+
     def columns(self) -> dict[str, Any]:
         """All numbers by name, those of law and stress with a dot."""
         own = {

@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.specified import FromExpression, FromFunction, made
-from amoeboid.numerics.taylor import Taylor
-from amoeboid.validation import InvalidInput
 
 
 class Law(Relation):

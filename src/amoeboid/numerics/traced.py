@@ -48,7 +48,7 @@ class Traced(NDArrayOperatorsMixin):
     def __bool__(self) -> bool:
         raise NotTraceable("it branches on numbers that are not known yet; use np.where")
 
-    __float__ = __int__ = __index__ = __bool__  # type: ignore[assignment]
+    __float__ = __int__ = __index__ = __bool__
 
     @property
     def real(self) -> Traced:
