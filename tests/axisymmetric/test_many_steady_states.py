@@ -97,16 +97,20 @@ def test_cells_of_two_laws_are_refused():
 
 @pytest.mark.slow
 def test_200_random_cells_agree_with_one_at_a_time():
-    """Every status is checked too: the solver for one cell finds a state where this one does."""
+    """Those without a state too: at rest, or with more modes than were allowed."""
     rng = np.random.default_rng(7)
     cells = am.points(
-        am.Parameters(), D=rng.uniform(0.05, 0.6, 200), v_p0=rng.uniform(3.5, 8.0, 200),
+        am.Parameters(), D=rng.uniform(0.08, 0.6, 200), v_p0=rng.uniform(3.5, 8.0, 200),
         delta_P=10 ** rng.uniform(1.5, 3.0, 200), beta=rng.uniform(0.7, 1.5, 200),
     )  # fmt: skip
-    found = am.many_steady_states(cells, max_modes=128, progress=False)
-    assert set(found.status) <= {"converged", "sphere"}
-    for state in found.states():
+    found = am.many_steady_states(cells, max_modes=64, progress=False)
+    counts = {word: int(np.sum(found.status == word)) for word in set(found.status)}
+    assert counts.keys() <= {"converged", "sphere", "unresolved"}
+    assert counts["converged"] > 100
+    for state, status in zip(found.states(), found.status, strict=True):
         other = fastest(state.parameters)
-        assert (other.max_retrograde_speed > 0) == state.converged
-        if state.converged:
+        assert (other.max_retrograde_speed > 0) == (status != "sphere")
+        if status == "converged":
             assert difference(state, with_as_many_modes(state, other)) < 1e-9
+        elif status == "unresolved":
+            assert other.n > 64
