@@ -197,7 +197,8 @@ def test_unit_of_time_is_that_of_the_present_parameters():
 
 def test_parameters_of_law_and_stress_change_too():
     """Contractility that is switched on polarizes a cell that polymerization alone does not."""
-    p = am.Parameters(v_p0=1.0, stress="contractility").replace(**{"stress.chi": 0.0})
+    given = {"stress": "saturating", "stress.chi": 0.0, "stress.c_s": 1e12}
+    p = am.Parameters(v_p0=1.0).replace(**given)
     changes = {"stress.chi": am.steps((0.3, 1.2))}
     config = config_of(p, 162, 1e-3, changes, end=0.6, max_step=0.05)
     run = steps_of(config)

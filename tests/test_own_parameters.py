@@ -27,7 +27,7 @@ from amoeboid.model.parameters import (
     parameters_to_toml,
 )
 from amoeboid.model.polymerization import NAMED_LAWS, Custom, Exponential, Law
-from amoeboid.model.stress import Contractility, Stress
+from amoeboid.model.stress import Stress
 from amoeboid.numerics.continuation import COMPLEX_STEP, Options, follow
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
@@ -124,7 +124,7 @@ def test_what_is_written_reads_back_equal():
     for given in (
         {"law": HILL, "law.n": 3},
         {"stress": "chi*c/(1 + c/c_r)", "stress.chi": -0.5},
-        {"stress": "contractility", "stress.chi": 0.3},
+        {"stress": "saturating", "stress.chi": 0.3, "chi": 0.1},
     ):
         p = parameters_from(given)
         assert parameters_from_toml(parameters_to_toml(p)) == p
@@ -169,10 +169,10 @@ MISTAKES = [
     ([f"law={HILL}", "law.n=true"], "law.n must be a finite number, got True"),
     (["law=v_p0*exp(-c) + exp", "law.exp=1"], "'exp' is not allowed"),
     (["stress=chi*c"], "the stress 'chi*c' must have a value of 'chi'"),
-    (["stress=chi", "stress.chi=1"], "stress must be one of none, contractility or an expression"),
+    (["stress=chi", "stress.chi=1"], "stress must be one of none, saturating or an expression"),
     (["stress=v_p0*c"], "must have a value of 'v_p0'"),
     (["stress.chi=1"], "'none' has no parameter 'chi'"),
-    (["stress=contractility", "stress.k=1"], "'k' is no parameter of the stress"),
+    (["stress=saturating", "stress.k=1"], "'k' is no parameter of the stress"),
     (["stres.chi=1"], "'stres' is no section"),
 ]
 
@@ -273,7 +273,7 @@ def test_laws_and_stresses_are_the_same_in_any_units():
 
 
 def test_declared_parameters_of_a_stress_are_given_in_physical_units():
-    given = {"stress": "contractility", "stress.chi": "4e-20 Pa m^3"}
+    given = {"stress": "saturating", "stress.chi": "4e-20 Pa m^3"}
     cell = Parameters.physical(**given)
     opposite = Parameters.physical(alpha="4e-20 Pa m^3")
     assert cell.value("stress.chi") == pytest.approx(opposite.alpha, rel=1e-14)
@@ -288,7 +288,7 @@ def test_declared_parameters_of_a_stress_are_given_in_physical_units():
 
 def test_contractility_is_the_opposite_of_elastic_resistance():
     c = np.array([0.0, 1.0, 2.5])
-    elastic = Parameters(alpha=0.3, stress=Contractility(chi=0.3))
+    elastic = Parameters(alpha=0.3, chi=0.3)
     assert np.all(elastic.tau(c) == 0)
     assert growth_rate(elastic, 1) == growth_rate(Parameters(), 1)
 

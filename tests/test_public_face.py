@@ -52,6 +52,10 @@ def test_the_first_lines_of_a_user(tmp_path):
     axes = Figure().add_subplot()
     assert br.plot(ax=axes) is axes
 
+    table = am.sweep(am.grid(base=p, D=[0.1, 0.4], v_p0=[5, 6]), am.theory)
+    assert repr(table).startswith("Sweep of theory at 4 points (2 x 2)")
+    assert table.dataset.threshold.sel(D=0.4, v_p0=5) == am.theory(p).threshold
+
     cell = am.Parameters.physical(R0="10 um", v_p0="1.7 um/s")
     assert repr(cell) == "Parameters.physical(D='0.03 um^2/s', v_p0='1.7 um/s')"
     assert str(am.theory(cell).threshold) == "1.4606 µm/s"

@@ -27,6 +27,8 @@ def objects(tmp_path_factory):
     states = am.steady_states(P, (1,))
     branch = am.branch(P, "v_p0", 0, 6.5, max_step=0.4)
     config = am.Config(parameters=P, changes=sol.config.changes)
+    measured = am.measurements(am.synthetic(P, {"u": 0.04}))
+    fit = am.fit(measured, ["v_p0"], P, starts=1)
     return {
         "parameters": P,
         "physical parameters": CELL,
@@ -70,6 +72,12 @@ def objects(tmp_path_factory):
         "fold": branch.folds[0],
         "phase diagram": am.phase_diagram(P, "D", 0.3, 0.4, speeds=(5.0, 5.6), columns=2, rows=2),
         "theory": am.theory(CELL),
+        "grid": am.grid(OWN, D=[0.1, 0.2], **{"law.n": [1, 2]}),
+        "refinement": am.refine(am.grid(D=[0.1, 0.2]), "value"),
+        "sweep": am.sweep(am.grid(P, D=[0.1, -0.2]), am.theory),
+        "measurements": measured,
+        "fit": fit,
+        "interval": fit.interval("v_p0"),
         "growth rate": am.growth_rate(P, l=1),
         "thresholds": am.thresholds(P),
         "points": am.points(P, v_p0=np.linspace(5, 7, 1000)),

@@ -24,6 +24,8 @@ from amoeboid.model.parameters import (
     Parameters,
     refuse_unwritable_relations,
 )
+from amoeboid.motility.environments import CortexDrag, Environment
+from amoeboid.motility.words import environment, written
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -52,6 +54,8 @@ SHORTEST_EXPLICIT_STEP = 1e-10
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper, in units of
 # c0; the front is empty then. Laws that are not defined there start from less.
 POLARIZATION, POLARIZATION_WITHOUT_EMPTY_FRONT = 1.0, 0.2
+# The field of [environment]: the text of one, such as "patch:30".
+MEDIUM = "medium"
 # Fields of [initial] that name a file.
 FILES = ("surface", "from_frame")
 
@@ -174,10 +178,18 @@ class Config:
     output: Output = field(default_factory=Output)
     changes: Changes = field(default_factory=Changes)  # or a mapping of names to what makes one
     cue: Any = field(default_factory=Cue)  # a Cue, or any object with its `factor`
+    environment: Any = field(default_factory=CortexDrag)  # an Environment, or its text
 
     def __post_init__(self) -> None:
         if not isinstance(self.changes, Changes):
             object.__setattr__(self, "changes", Changes(self.changes))
+        if isinstance(self.environment, str):
+            object.__setattr__(self, "environment", environment(self.environment))
+        if not isinstance(self.environment, Environment):
+            raise InvalidInput(
+                "environment must be one such as amoeboid.Fluid() or a text such as 'patch:30', "
+                f"got {self.environment!r}"
+            )
         if self.cue is None:
             object.__setattr__(self, "cue", Cue())
 
@@ -197,6 +209,8 @@ class Config:
             return values.as_dict()
         if name == "changes":
             return values.written()
+        if name == "environment":
+            return {MEDIUM: written(values)}
         return written_cue(values) if name == "cue" else asdict(values)
 
 
@@ -208,6 +222,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     },
     "changes": CHANGEABLE,
     "cue": tuple(f.name for f in fields(Cue)),
+    "environment": (MEDIUM,),
 }
 
 
@@ -309,6 +324,8 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
         return Changes({**before, **values})
     if isinstance(before, Parameters):
         return before.replace(**values)
+    if section == "environment":
+        return _medium(values.get(MEDIUM))
     if section == "cue" and not isinstance(before, Cue):
         raise InvalidInput(
             f"[cue] must be a Cue to be changed by name, got {type(before).__name__}; leave it out"
@@ -316,10 +333,20 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
     return replace(before, **values)
 
 
+def _medium(text: Any) -> Environment:
+    if not isinstance(text, str):
+        raise InvalidInput(
+            f"environment.{MEDIUM} must be a text such as 'fluid' or 'patch:30', got {text!r}"
+        )
+    found = environment(text)
+    found.settled(None)  # refuses quantities, which a configuration has no units for
+    return found
+
+
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
-    `law.n=3` and `stress.chi=0.3` are parameters of law and stress, in any order. Values are
+    `law.n=3` and `stress.k=0.3` are parameters of law and stress, in any order. Values are
     written as in TOML; a bare word is a string. Raises InvalidInput.
     """
     changes: dict[str, dict[str, Any]] = {}

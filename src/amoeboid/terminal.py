@@ -8,6 +8,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from typing import Any, Protocol, TextIO
 
 Show = Callable[[Sequence[str]], None]
@@ -51,8 +52,23 @@ class Line(Protocol):
         """Show nothing."""
 
 
+_silent: ContextVar[bool] = ContextVar("silent", default=False)
+
+
+@contextmanager
+def silenced() -> Iterator[None]:
+    """No lines of progress: of the parts of a computation that shows one line for all of them."""
+    before = _silent.set(True)
+    try:
+        yield
+    finally:
+        _silent.reset(before)
+
+
 def progress_line() -> Line | None:
     """A line to show progress in; None where there is no place for it."""
+    if _silent.get():
+        return None
     if is_terminal(sys.stderr):
         return _TerminalLine(sys.stderr)
     display = _notebook()
@@ -115,6 +131,11 @@ class _NotebookLine:
     def erase(self) -> None:
         if self._handle is not None:
             self._handle.update({"text/plain": ""}, raw=True)
+
+
+def in_notebook() -> bool:
+    """Whether this is the kernel of a notebook."""
+    return _notebook() is not None
 
 
 def _notebook() -> Any:

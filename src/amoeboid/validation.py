@@ -48,6 +48,14 @@ def texts(doc: str, checked: Callable[[str], str]) -> Any:
     return field(default=(), metadata={"kind": list, "doc": doc, "texts": checked})
 
 
+def rows(doc: str, words: str, checked: Callable[[Any], tuple[tuple[float, ...], ...]]) -> Any:
+    """A field of rows of numbers, which `words` describe; `checked` gives them as they are kept.
+
+    It raises TypeError, ValueError or OverflowError for what is none.
+    """
+    return field(default=(), metadata={"kind": list, "doc": doc, "words": words, "rows": checked})
+
+
 def numbers(doc: str, unit: str = "1") -> Any:
     """A field of any number of finite numbers >= 0, each larger than the one before."""
     return field(default=(), metadata={"kind": list, "doc": doc, "unit": unit, "rising": True})
@@ -149,6 +157,8 @@ def rule(f: Field[Any]) -> str:
         return "three finite numbers, not all zero"
     if "texts" in f.metadata:
         return "a list of texts"
+    if "rows" in f.metadata:
+        return str(f.metadata["words"])
     if "rising" in f.metadata:
         return "a list of finite numbers >= 0, each larger than the one before"
     if kind is list:
@@ -181,6 +191,11 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
         return _checked_vector(value, problem)
     if "texts" in f.metadata:
         return _checked_texts(value, problem, f.metadata["texts"])
+    if "rows" in f.metadata:
+        try:
+            return f.metadata["rows"](value)
+        except (TypeError, ValueError, OverflowError):
+            raise problem from None
     if "rising" in f.metadata:
         return _checked_rising(value, problem)
     if kind is list:

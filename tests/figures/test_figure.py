@@ -13,10 +13,10 @@ import pytest
 
 from amoeboid import InvalidInput, Parameters, figures
 from amoeboid.cli.main import main
-from amoeboid.figures.figure import Figure
+from amoeboid.figures.figure import Figure, checked_formats
 from amoeboid.figures.results import Results
-from amoeboid.figures.sources import used_files
 from amoeboid.figures.tables import FigureData, Table, column_of, label, unit_of
+from amoeboid.identity.sources import used_files
 
 calls = []
 
@@ -210,6 +210,13 @@ def test_a_figure_draws_on_axes_of_the_user():
         OWN(ax=axes, parameters=3)
     with pytest.raises(InvalidInput, match="png, pdf, svg"):
         OWN.save(formats=["jpg"])
+
+
+def test_formats_of_pictures_may_be_capitals():
+    assert checked_formats(["PNG", "png", "Svg"]) == ["png", "svg"]
+    assert checked_formats("PDF") == ["pdf"]
+    with pytest.raises(InvalidInput, match="must be one of png, pdf, svg, got 3"):
+        checked_formats([3])
 
 
 def test_units_are_those_of_the_paper_only_where_they_hold():

@@ -35,21 +35,21 @@ def test_stored_run_is_the_solution(made):
 def test_nothing_is_read_until_it_is_asked_for(made, monkeypatch):
     _, folder = made
     read = []
-    for name in ("read_frame", "read_table", "read_checkpoint", "text_of", "stored_manifest"):
+    for name in ("read_frame", "read_table", "read_checkpoint", "text_in", "stored_manifest"):
         function = getattr(module, name)
         monkeypatch.setattr(
             module, name, lambda *a, f=function, n=name, **k: (read.append(n), f(*a, **k))[1]
         )
     run = am.load(folder)
     frames = run.frames
-    assert read == ["text_of"]
+    assert read == ["text_in"]
     assert frames.times == pytest.approx([0.0, 0.5, 1.0, 1.2])
     frames[1:3]
     frames[-1].c  # noqa: B018
-    assert read == ["text_of", "read_frame"]
+    assert read == ["text_in", "read_frame"]
     run["c_rear"]
     run["c_front"]
-    assert read == ["text_of", "read_frame", "read_table", "stored_manifest"]
+    assert read == ["text_in", "read_frame", "read_table", "stored_manifest"]
 
 
 def test_frames_are_read_with_all_bits(made):

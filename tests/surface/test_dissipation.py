@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from amoeboid.meshes.geometry import geometry
 from amoeboid.meshes.operators import block_matrix, scalar_matrix, stiffness, tensile_stiffness
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
-from amoeboid.surface.force_balance import rigid_motions
+from amoeboid.surface.frame import rigid_motions
 from surface.shapes import lumpy, observed_orders, sphere
 
 ETA_S, ETA_B = 1.3, 0.7

@@ -19,7 +19,8 @@ from amoeboid.surface.explicit import (
     interpolated,
     lagrangian_rate,
 )
-from amoeboid.surface.force_balance import pressure_force, rigid_motions
+from amoeboid.surface.force_balance import pressure_force
+from amoeboid.surface.frame import rigid_motions
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import State
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step

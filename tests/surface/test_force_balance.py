@@ -21,9 +21,9 @@ from amoeboid.surface.force_balance import (
     force_balance,
     normal_force,
     pressure_force,
-    rigid_motions,
     tension_force,
 )
+from amoeboid.surface.frame import rigid_motions
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
 from surface.shapes import lumpy, observed_orders
@@ -96,7 +96,7 @@ def test_iterated_solution_satisfies_the_balance_of_its_own_shape():
     model = Model(p, mesh)
     dt, zeta0 = 1e-4, 149.0
     g_near = geometry(r, mesh.faces)
-    factorized = factorized_cortex(model, r, g_near, dt, 150.0)
+    factorized = factorized_cortex(model, r, np.ones(len(r)), g_near, dt, 150.0)
     r = r + 0.02 * np.column_stack([np.sin(3 * r[:, 1]), np.cos(2 * r[:, 2]), r[:, 0] ** 2])
     g = geometry(r, mesh.faces)
     c = 3 + np.sin(r[:, 0])
@@ -140,7 +140,7 @@ def test_implicit_tension_is_tension_plus_the_tensile_viscous_stress():
     r, mesh = lumpy(subdivisions=1)
     model, g = Model(Parameters(), mesh), geometry(r, mesh.faces)
     v_c = np.random.default_rng(8).normal(size=r.shape)
-    factorized = factorized_cortex(model, r, g, 0.1, 5.0, v_c)
+    factorized = factorized_cortex(model, r, np.ones(len(r)), g, 0.1, 5.0, v_c)
     stress = 5.0 * np.eye(3) + viscous_stress(g, mesh, v_c, 1.0, 1.0)
     expected = normal_projection(tensile_stiffness(g, mesh, stress), g.normals, mesh)
     np.testing.assert_allclose(factorized.tension, expected, rtol=1e-12, atol=1e-12)
@@ -161,7 +161,7 @@ def test_the_response_to_tension_solves_the_balance_of_the_factorized_shape():
     r, mesh = lumpy()
     p, dt = Parameters(), 0.3
     model, g = Model(p, mesh), geometry(r, mesh.faces)
-    factorized = factorized_cortex(model, r, g, dt, 150.0)
+    factorized = factorized_cortex(model, r, np.ones(len(r)), g, dt, 150.0)
     resisted = normal_blocks(factorized.damping + dt * factorized.tension, g.normals, mesh)
     matrix = block_matrix(dissipation_blocks(g, mesh, p.eta_s, p.eta_b) + resisted, mesh)
     force = normal_force(area_gradient(g, mesh.faces), r, g)

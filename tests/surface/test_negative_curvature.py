@@ -20,7 +20,8 @@ from amoeboid.simulation.step import Step
 from amoeboid.surface import force_balance, stepping
 from amoeboid.surface.dissipation import dissipation_blocks
 from amoeboid.surface.equilibrium import flow_of
-from amoeboid.surface.force_balance import NORMAL_VISCOSITY, rigid_motions
+from amoeboid.surface.force_balance import NORMAL_VISCOSITY
+from amoeboid.surface.frame import rigid_motions
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import State
 from amoeboid.surface.stepping import StepFailed, semi_implicit_step

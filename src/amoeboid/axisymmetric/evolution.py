@@ -19,6 +19,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell, heights, volume
 from amoeboid.axisymmetric.force_balance import (
+    Motion,
     forces,
     speed,
     stress,
@@ -169,8 +170,9 @@ class Dynamics:
     def _balance(self, closed: Any, u: Any, w: Any, zeta0: Any, axial: Any) -> Any:
         here, c, _ = closed
         p = self.point
-        tangential, normal = forces(here, stress(here, u, w, c, zeta0, p), axial, p)
         V = w + speed(here, c, p)
+        motion = Motion(u, V, w, c)
+        tangential, normal = forces(here, stress(here, u, w, c, zeta0, p), motion, axial, p)
         fixed_area = here.surface_integral(here.curvature_sum * V)
         at_rest = here.surface_integral(here.cos_psi * V)
         s = Magnitudes.of(self.parameters)

@@ -13,6 +13,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.shape import Shape
+from amoeboid.forces import bending, friction
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.stress import principal_stresses
@@ -39,15 +40,41 @@ def stress(shape: Shape, u: Any, w: Any, c: Any, zeta0: Any, p: Any) -> Stress:
     return Stress(*principal_stresses(stretch_1, stretch_2, tau, zeta0, p))
 
 
-def forces(shape: Shape, s: Stress, axial: Any, p: Any) -> tuple[Any, Any]:
-    """Tangential and normal force per area: div_s(sigma) + delta_P n + axial e_z.
+@dataclass(frozen=True)
+class Motion:
+    """Velocities in the frame of the cell [length/time], and c.
 
-    The constant axial body force is no physics: a closed surface balances it only if it is zero,
-    so as an unknown it takes up the one equation that axial equilibrium makes redundant.
+    `u` along the meridian, the same of membrane and cortex; `v_n` and `w` along the normal, that of
+    the membrane and that of the cortex.
+    """
+
+    u: Any
+    v_n: Any
+    w: Any
+    c: Any
+
+
+def forces(shape: Shape, s: Stress, motion: Motion, axial: Any, p: Any) -> tuple[Any, Any]:
+    """Tangential and normal force per area: div_s(sigma) + delta_P n + bending + drag + axial e_z.
+
+    With friction `axial` is the drag -gamma U on the motion of the frame, U the velocity of the
+    cell and gamma a typical friction (`friction.unit`), which acts along the surface and along the
+    normal in the shares of both. Without friction the constant axial force is no physics: a closed
+    surface balances it only if it is zero, so as an unknown it takes up the one equation that axial
+    equilibrium makes redundant.
     """
     tangential = shape.even_slope(s.meridian) + shape.cot * (s.meridian - s.parallel)
     normal = p.delta_P - (shape.kappa_1 * s.meridian + shape.kappa_2 * s.parallel)
-    return tangential - shape.sin_psi * axial, normal + shape.cos_psi * axial
+    if p.kappa:
+        normal = normal + bending.density(shape, p)
+    if not p.has_friction:
+        return tangential - shape.sin_psi * axial, normal + shape.cos_psi * axial
+    along, across = friction.drag(motion.u, motion.v_n, motion.w, motion.c, p)
+    carried = axial * friction.density(motion.c, p)
+    return (
+        tangential + along - shape.sin_psi * carried * p.share_along,
+        normal + across + shape.cos_psi * carried * p.share_across,
+    )
 
 
 def speed(shape: Shape, c: Any, p: Any) -> Any:
@@ -76,10 +103,11 @@ def axial_strength(cue: Any) -> float:
     """
     if cue is None:
         return 0.0
-    if not isinstance(cue, Cue) or cue.direction[0] != 0 or cue.direction[1] != 0:
+    along = isinstance(cue, Cue) and cue.direction[0] == 0 == cue.direction[1]
+    if not along or cue.pokes:
         raise InvalidInput(
-            f"an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), got {cue!r}; "
-            "use a run in 3D"
+            "an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), and no pokes, "
+            f"got {cue!r}; use a run in 3D"
         )
     return float(np.copysign(cue.strength, cue.direction[2] * cue.strength))
 

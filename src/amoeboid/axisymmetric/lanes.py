@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from amoeboid.axisymmetric.spectral import grid
-from amoeboid.axisymmetric.steady import recorded_equations, strong_units
+from amoeboid.axisymmetric.steady import FRICTION, recorded_equations, strong_units
 from amoeboid.axisymmetric.unknowns import Fields, maps_of, unknown_count
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.polymerization import Law
@@ -82,6 +82,8 @@ class Problem:
     n: int
     law: Law
     stress: Stress
+    present: frozenset[str] = frozenset()
+    """Names of `steady.OPTIONAL` that are not 0 in every lane."""
 
     @property
     def size(self) -> int:
@@ -90,13 +92,13 @@ class Problem:
 
     def residual(self, z: Any, q: Any, cells: Cells) -> Any:
         """Scaled residuals (lanes, equations)."""
-        of = recorded_equations(self.n, False)
+        of = recorded_equations(self.n, self.present)
         inputs = self._inputs(z * cells.scale, q, cells, self.n)
         return lanes.residual(of, inputs, _jnp()) / cells.row_scales
 
     def residual_and_jacobian(self, z: Any, q: Any, cells: Cells) -> tuple[Any, Any]:
         """The same with its derivatives to z."""
-        of = recorded_equations(self.n, False)
+        of = recorded_equations(self.n, self.present)
         inputs = self._inputs(z * cells.scale, q, cells, self.n)
         f, f_x = lanes.residual_and_jacobian(of, inputs, _jnp(), jax().lax.optimization_barrier)
         f_z = f_x * cells.scale[:, None, :] / cells.row_scales[:, :, None]
@@ -107,9 +109,10 @@ class Problem:
         jnp, n, m = _jnp(), self.n, 3 * self.n
         psi, u, c, scalars = jnp.split(z * cells.scale, [n - 1, 2 * n - 1, 3 * n - 1], axis=1)
         longer = [jnp.pad(a, ((0, 0), (0, m - n))) for a in (psi, u, c)]
-        x = jnp.concatenate([*longer, scalars.at[:, 2:].set(0.0)], axis=1)
+        slack = 2 if self.present.isdisjoint(FRICTION) else 3
+        x = jnp.concatenate([*longer, scalars.at[:, slack:].set(0.0)], axis=1)
         inputs = self._inputs(x, q, cells, m)
-        found = lanes.residual(recorded_equations(m, False), inputs, jnp)
+        found = lanes.residual(recorded_equations(m, self.present), inputs, jnp)
         f, p = inputs.fields(), inputs.point
         units = strong_units(f, p.v_p_derivatives(f.c, 0)[0], p, m)
         sizes = jnp.concatenate([untraced(unit) for unit in units], axis=1)

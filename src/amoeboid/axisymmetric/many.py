@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,8 @@ from amoeboid.axisymmetric.lanes import (
 )
 from amoeboid.axisymmetric.spectral import grid
 from amoeboid.axisymmetric.steady import (
+    FRICTION,
+    OPTIONAL,
     STRONG,
     Magnitudes,
     SteadySystem,
@@ -85,6 +88,17 @@ class Table:
 
     def __len__(self) -> int:
         return len(self.threshold)
+
+    @cached_property
+    def present(self) -> frozenset[str]:
+        """The names of `OPTIONAL` that are not 0 everywhere. Raises InvalidInput, see below."""
+        friction = sum(self.numbers[name] for name in FRICTION)
+        if np.any(friction > 0) and np.any(friction == 0):
+            raise InvalidInput(
+                "all cells must have friction (gamma_t, gamma_n or gamma_c > 0), or none, got "
+                f"{int(np.sum(friction == 0))} of {len(self)} without; ask for them by themselves"
+            )
+        return frozenset(n for n in OPTIONAL if np.any(self.numbers.get(n, np.zeros(1)) != 0))
 
     def parameters(self, k: int) -> Parameters:
         """The parameters of a cell at its threshold."""
@@ -268,7 +282,7 @@ class _Work:
         return ~(residual[cells] <= STRONG) & (self.status[cells] == CONVERGED)
 
     def _problem(self, n: int) -> Problem:
-        return Problem(n, self.table.of.law, self.table.of.stress)
+        return Problem(n, self.table.of.law, self.table.of.stress, self.table.present)
 
     def _parts(self, cells: Array) -> list[Array]:
         """The cells in parts of the same size, the last one filled up with its first cell."""

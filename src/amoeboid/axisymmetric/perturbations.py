@@ -13,7 +13,14 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric.harmonics import HarmonicBasis
 from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.surroundings import (
+    bending_load,
+    drag_loads,
+    drag_stiffness,
+    slopes_of_H,
+)
 from amoeboid.axisymmetric.unknowns import split
+from amoeboid.forces import friction
 from amoeboid.model.parameters import Parameters
 from amoeboid.model.stress import principal_stresses
 from amoeboid.numerics.newton import solve
@@ -47,6 +54,9 @@ class Base:
     c_s: Array
     slope: Array
     tau_slope: Array
+    cell_velocity: Array
+    H_s: Array
+    H_ss: Array
 
 
 def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
@@ -74,6 +84,8 @@ def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
         measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
         stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
         sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope,
+        np.full(x.size, -scalars[2] / friction.unit(p) if p.has_friction else 0.0),
+        *slopes_of_H(state, x, psi, r),
     )  # fmt: skip
     return Base(*(e[:, None] for e in entries))
 
@@ -125,16 +137,22 @@ def trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
 
 @dataclass(frozen=True)
 class Perturbed:
-    """The harmonics that displacement h and c' are made of, one column each; slopes, and m/r."""
+    """The harmonics that displacement h and c' are made of, one column each.
+
+    `slopes` along the meridian, surface Laplacians `spreads`, and `wave` = m/r.
+    """
 
     values: Array
     slopes: Array
+    spreads: Array
     wave: Array
 
 
 def perturbed_fields(base: Base, basis: HarmonicBasis, scale: float) -> Perturbed:
     """The harmonics at the nodes."""
-    return Perturbed(basis.values, basis.slopes / scale, basis.degrees[0] / base.r)
+    slopes, wave = basis.slopes / scale, basis.degrees[0] / base.r
+    along = basis.curvatures / scale**2 + base.cos_psi / base.r * slopes
+    return Perturbed(basis.values, slopes, along - wave**2 * basis.values, wave)
 
 
 def rigid_motions(base: Base, m: int) -> list[tuple[Array, Array, Array]]:
@@ -154,11 +172,14 @@ def velocity_response(
     fields: Perturbed,
     rigid: list[tuple[Array, Array, Array]],
 ) -> tuple[Array, Array, Array]:
-    """(a, b, w) at the nodes that each perturbation drives, without net rigid motion.
+    """(a, b, w) at the nodes that each perturbation drives.
 
+    Without net rigid motion; with friction relative to the surroundings of the unperturbed cell.
     One column for every harmonic of h, then one for every harmonic of c'.
     """
     velocities = np.concatenate([trial.a, trial.b, trial.w])
+    if p.has_friction:
+        rigid = []  # none is free
     borders = [
         velocities.T @ np.concatenate([base.measure * v for v in motion]) for motion in rigid
     ]
@@ -183,11 +204,14 @@ def _stiffness(p: Parameters, base: Base, trial: Trial) -> Array:
         [trial.stretch_1 + trial.stretch_2, trial.stretch_1, trial.stretch_2, trial.shear]
     )
     viscosities = (p.eta_b, 2 * p.eta_s, 2 * p.eta_s, p.eta_s)
-    return rates.T @ (np.concatenate([eta * base.measure for eta in viscosities]) * rates)
+    found = rates.T @ (np.concatenate([eta * base.measure for eta in viscosities]) * rates)
+    if p.has_friction:
+        found += drag_stiffness(p, base, trial)
+    return np.asarray(found)
 
 
 def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed) -> Array:
-    """Virtual power of the perturbed stress and pressure with the velocity held.
+    """Virtual power of the perturbed stress, less that of the forces, with the velocity held.
 
     One column for every harmonic of h, then one for every harmonic of c'.
     """
@@ -221,7 +245,12 @@ def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed) -> Array:
     if np.any(base.tau_slope):
         dilation = trial.stretch_1 + trial.stretch_2
         by_concentration = dilation.T @ ((base.measure * base.tau_slope) * h)
-    return np.hstack([by_shape, by_concentration])
+    if p.kappa:
+        by_shape -= bending_load(p, base, trial, fields)
+    if not p.has_friction:
+        return np.hstack([by_shape, by_concentration])
+    drag_by_shape, drag_by_concentration = drag_loads(p, base, trial, fields)
+    return np.hstack([by_shape - drag_by_shape, by_concentration - drag_by_concentration])
 
 
 def rates_of(

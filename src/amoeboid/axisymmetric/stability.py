@@ -4,7 +4,8 @@ The surface moves along its normal by h, the concentration changes by c', the co
 (a, i b, w) along (t, e_phi, n). All equations are linearized in convected coordinates: with
 X' = h n, X'_1 = h_s n + kappa_1 h t, X'_2 = i (m/r) h n + kappa_2 h e_phi, the strain rate is
 D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
-integral of sqrt(g) sigma^ij X_j . y_i = integral of delta_P sqrt(g) n . y for all velocities y.
+integral of sqrt(g) sigma^ij X_j . y_i = integral of sqrt(g) (delta_P n + f) . y for all velocities
+y, with the forces f of friction and bending (`surroundings`).
 Translations and rotations are neutral; the spectrum is that of what is left.
 
 h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:

@@ -2,8 +2,9 @@
 
 In the frame of the cell the shape rests: the normal cortex velocity is -v_p(c), the tangential one
 u is the retrograde flow itself. Besides shape, u, c, length scale and tension there are two slack
-unknowns that vanish at a solution: an axial force (one force equation is redundant) and a uniform
-source of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
+unknowns that vanish at a solution: an axial force (one force equation is redundant; with friction
+it is the drag on the motion of the cell instead, see `force_balance.forces`) and a uniform source
+of filaments (the filament number c0 A0 is a condition of its own; for beta > 0 it follows
 from the turnover, for beta = 0 it is the conserved number).
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.force_balance import (
+    Motion,
     axial_strength,
     forces,
     speed,
@@ -36,6 +38,7 @@ from amoeboid.axisymmetric.unknowns import (
     split,
     unknown_count,
 )
+from amoeboid.forces import friction
 from amoeboid.model.cues import Cue
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.parameters import ParameterPoint, Parameters
@@ -49,6 +52,11 @@ MODES = 32
 MAX_MODES = 256
 STRONG = 5e-9
 """Residual of the continuous equations, between the points, up to which a state is resolved."""
+
+
+FRICTION = ("gamma_t", "gamma_n", "gamma_c")
+OPTIONAL = (*FRICTION, "gamma_share", "kappa", "cue")
+"""Parameters whose terms are left out of the equations where they are 0."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +79,7 @@ class Magnitudes:
             speed_here = np.where(speed_here == 0, other, speed_here)
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
         force = p.delta_P + viscous + np.abs(p.tau(concentration)) / p.R0
+        force = force + friction.unit(p) * speed_here + p.kappa / p.R0**3
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
 
     def of_equations(self, p: Any, n: int) -> Array:
@@ -151,7 +160,13 @@ class SteadySystem:
 
     @cached_property
     def _recorded(self) -> Equations:
-        return recorded_equations(self.n, hasattr(self._parameters, "cue"))
+        return recorded_equations(self.n, self._present)
+
+    @cached_property
+    def _present(self) -> frozenset[str]:
+        """The names of `OPTIONAL` that count: those that are not 0, or may change."""
+        values = ((name, getattr(self._parameters, name, 0.0)) for name in OPTIONAL)
+        return frozenset(name for name, value in values if value != 0 or name in self.names)
 
     def _inputs(self, x: Array, q: Array) -> Inputs:
         return Inputs(fields_of(x, self.n), self.point(q))
@@ -179,7 +194,8 @@ def equations(n: int, f: Fields, p: Any) -> list[Any]:
 
 def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
     """The same on a shape, with the polymerization speed there."""
-    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), f.axial, p)
+    motion = Motion(f.u, 0.0, -v_p, f.c)
+    tangential, normal = forces(s, stress(s, f.u, -v_p, f.c, f.zeta0, p), motion, f.axial, p)
     area = 4 * np.pi * p.R0**2
     return [
         tangential,
@@ -192,11 +208,14 @@ def equations_on(s: Shape, v_p: Any, f: Fields, p: Any) -> list[Any]:
 
 
 @lru_cache(maxsize=16)
-def recorded_equations(n: int, cue: bool) -> Equations:
-    """`equations` as a program with its derivatives; the same object each time."""
+def recorded_equations(n: int, present: frozenset[str]) -> Equations:
+    """`equations` as a program with its derivatives; the same object each time.
+
+    Those of `OPTIONAL` that are not `present` are 0.
+    """
 
     def function(fields: Mapping[str, Any], record: Record) -> list[Any]:
-        return equations(n, Fields(**fields), _Recorded(record, cue))
+        return equations(n, Fields(**fields), _Recorded(record, present))
 
     return recorded(function, n, unknown_count(n), maps_of(n))
 
@@ -214,13 +233,18 @@ class Inputs:
 class _Recorded:
     """Parameters as inputs of a program, each by its name."""
 
-    def __init__(self, record: Record, cue: bool) -> None:
-        self._record, self._cue = record, cue
+    def __init__(self, record: Record, present: frozenset[str]) -> None:
+        self._record, self._present = record, present
 
-    def __getattr__(self, name: str) -> Symbol:
-        if name == "cue" and not self._cue:
-            raise AttributeError(name)
+    def __getattr__(self, name: str) -> Symbol | float:
+        if name in OPTIONAL and name not in self._present:
+            return 0.0
         return self._record.input(name)
+
+    @property
+    def has_friction(self) -> bool:
+        """See Material.has_friction."""
+        return not self._present.isdisjoint(FRICTION)
 
 
 @dataclass(frozen=True)
@@ -310,7 +334,7 @@ class SteadySolution(Measured):
 def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
     """The homogeneous sphere, a steady state at every parameter point.
 
-    zeta_0 = delta_P R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
+    zeta_0 = (delta_P + gamma_c v_p(c0)) R0/2 + 2 v_p(c0) (eta_s + eta_b)/R0 - tau(c0).
     """
     return SteadySolution(p, n, homogeneous_unknowns(p, n), True, (0.0,))
 
@@ -318,17 +342,21 @@ def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
 def homogeneous_unknowns(p: Any, n: int) -> Array:
     """The unknowns of the homogeneous sphere (..., 3 n + 3), for real or complex parameters."""
     f0 = p.v_p(p.c0)
-    zeta0 = p.delta_P * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
+    held = p.delta_P + p.gamma_c * f0
+    zeta0 = held * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
     kind = np.result_type(zeta0, p.c0, p.R0, float)
     x = np.zeros((*np.shape(zeta0), unknown_count(n)), dtype=kind)
     x[..., 2 * n - 1], x[..., 3 * n - 1], x[..., 3 * n] = p.c0, p.R0, zeta0
     return x
 
 
-def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -> SteadySolution:
+def steady_state(
+    p: Parameters, guess: SteadySolution, cue: Cue | None = None, max_iterations: int = 25
+) -> SteadySolution:
     """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
 
-    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1). Raises
+    `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1);
+    `max_iterations`: of Newton's method, fewer where only a good guess is to be followed. Raises
     InvalidInput for a cue in another direction.
 
     Never raises for want of convergence: look at `converged`, `residuals` and `message`.
@@ -338,7 +366,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
     history: tuple[float, ...] = ()
     while True:
         system = SteadySystem(p, n, cue=cue)
-        found = newton_solution(system, x)
+        found = newton_solution(system, x, max_iterations)
         history += found.residuals
         if not found.converged:
             advice = "start from a state nearer by, in smaller steps of the parameter"
@@ -352,7 +380,7 @@ def steady_state(p: Parameters, guess: SteadySolution, cue: Cue | None = None) -
         n, x = 2 * n, resampled(found.x, n, 2 * n)
 
 
-def newton_solution(system: SteadySystem, start: Array) -> Any:
+def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25) -> Any:
     """Newton's method on a system without free parameters."""
     q = np.zeros(0)
     return newton(
@@ -360,15 +388,16 @@ def newton_solution(system: SteadySystem, start: Array) -> Any:
         lambda x: system.residual_and_jacobian(x, q),
         start,
         scale=system.scale,
+        max_iterations=max_iterations,
     )
 
 
 def strong_residual(state: SteadySolution, finer: int = 3) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
-    Force balance and transport, without the slack unknowns, on a grid of `finer` * n points, each
-    in units of its magnitude in that state: pressure plus viscous force, largest c times largest
-    speed over R0.
+    Force balance and transport, without the slack unknowns (the axial force counts with friction),
+    on a grid of `finer` * n points, each in units of its magnitude in that state: pressure plus
+    viscous force, largest c times largest speed over R0.
     """
     point = SteadySystem(state.parameters, state.n, cue=state.cue).point(np.zeros(0))
     return _strong_residual(state.n, state.x, point, finer)
@@ -377,7 +406,9 @@ def strong_residual(state: SteadySolution, finer: int = 3) -> float:
 def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     m = finer * n
     x = resampled(coefficients, n, m)
-    x[-2:] = 0.0
+    x[-1] = 0.0
+    if not p.has_friction:
+        x[-2] = 0.0
     f = fields_of(x, m)
     s = shape(grid(m), f.psi, f.psi_slope, f.scale)
     v_p = speed(s, f.c, p)
@@ -398,7 +429,7 @@ def strong_units(f: Fields, v_p: Any, p: Any, m: int) -> list[Any]:
     fastest = np.maximum(fastest, p.D / p.R0 + p.beta * p.R0)
     most = largest(f.c)
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
-    force = force + largest(p.tau(f.c)) / p.R0
+    force = force + largest(p.tau(f.c)) / p.R0 + friction.unit(p) * fastest + p.kappa / p.R0**3
     area = 4 * np.pi * p.R0**2
     field = np.ones(m)
     rate = most * fastest / p.R0 * field

@@ -27,7 +27,10 @@ COMMANDS = {
     "steady": "all axisymmetric steady states found at one parameter point, with stability",
     "branch": "continuation of the polarized state: points, folds, branch points, stability",
     "phase-diagram": "super/subcritical boundary and the bistable region",
+    "sweep": "a solver at many points of parameters, in parallel, with all answers in one table",
+    "fit": "parameters of a cell from measured profiles of flow and concentration, with errors",
     "motility": "migration velocity in a fluid, a matrix, on substrates and in channels",
+    "explore": "a live page in the browser: sliders, the branch, and a 3D cell that moves",
     "figure": "the figures and tables of the paper, with the numbers that they show",
 }
 

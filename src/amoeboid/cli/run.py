@@ -6,18 +6,23 @@ import argparse
 import shlex
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn_together
-from amoeboid.cli.settings import add_settings, field_table, path, print_json, say_parameters
+from amoeboid.cli.settings import (
+    add_settings,
+    field_table,
+    path,
+    print_json,
+    say_parameters,
+)
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, with_settings
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, refuse_unknown
 
 if TYPE_CHECKING:
     from amoeboid.output.folder import RunFolder
@@ -55,6 +60,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="also end the run once this holds ('polarity > 0.5', 'c_front < 0.1*c0 and t > 5'); "
         "repeatable",
     )
+    parser.add_argument(
+        "--observe",
+        action="append",
+        default=[],
+        metavar="SCRIPT.py:NAME",
+        help="also record this observable of a script of yours, which is executed; repeatable",
+    )
     add_settings(parser)
     parser.epilog = (
         f"fields, their defaults and meanings:\n{field_table()}\n\n"
@@ -67,16 +79,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the simulation; returns the exit code."""
     from amoeboid.runs.advance import FINISHED, advance_in_folder
+    from amoeboid.runs.interruption import interruptible
     from amoeboid.runs.progress import reported
 
     if args.resume is not None and (args.config is not None or args.output is not None):
         raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
     began = time.perf_counter()
+    if args.observe:
+        from amoeboid.cli.scripts import observed_names
+        from amoeboid.observables import OBSERVABLES
+
+        refuse_unknown(observed_names(args.observe), OBSERVABLES, "observable")
     run, first = _resumed(args) if args.resume is not None else _started(args)
     if not args.json:
         say_parameters(run.config.parameters)
     start, end = first.state.t, run.config.time.end
-    with _interruptible() as interruption, reported(start, end) as report:
+    signals = (signal.SIGINT, signal.SIGTERM)  # of a user; of a cluster at its time limit
+    with interruptible(signals) as interruption, reported(start, end) as report:
         outcome, summary = advance_in_folder(run, first, [interruption], report, began)
     last, status, why = outcome.last, outcome.status, outcome.ended
     if status != FINISHED:
@@ -162,38 +181,14 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     return run, first
 
 
-@contextmanager
-def _interruptible() -> Iterator[Callable[[Step], str | None]]:
-    """An event: Ctrl-C and SIGTERM (a cluster's time limit) end the run after the present step.
-
-    An exception in the middle of compiled code would be lost or leave half a step. A second
-    signal ends the program at once.
-    """
-    from amoeboid.runs.advance import INTERRUPTION
-
-    received: list[int] = []
-
-    def take(number: int, _: object) -> None:
-        if received:
-            raise KeyboardInterrupt
-        received.append(number)
-
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = [signal.signal(number, take) for number in signals]
-    try:
-        yield lambda _: INTERRUPTION if received else None
-    finally:
-        for number, handler in zip(signals, before, strict=True):
-            signal.signal(number, handler)
-
-
 def _draw(run: RunFolder, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
-    from amoeboid.simulation.timeseries import POSITION
+    from amoeboid.simulation.timeseries import position_columns
 
     times = [row["t"] for row in run.rows]
-    positions = [[row[k] for k in POSITION] for row in run.rows]
+    names = position_columns(run.units)
+    positions = [[row[k] for k in names] for row in run.rows]
     R0 = last.model.parameters.R0
     drawn_together(
         "run",

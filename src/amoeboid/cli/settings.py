@@ -34,7 +34,7 @@ def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> No
         default=[],
         metavar="NAME=VALUE",
         help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+(c/c_r)**n)' with "
-        f"law.n=3, 'stress=chi*c' with stress.chi=0.3){others}; repeatable",
+        f"law.n=3, 'stress=k*c**2' with stress.k=0.3){others}; repeatable",
     )
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on standard output, nothing else"
@@ -89,16 +89,18 @@ def add_observables(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="also show this observable (polarity, reduced_volume, or your own); repeatable",
+        help="also show this observable (polarity, reduced_volume, or SCRIPT.py:NAME for one of a "
+        "script of yours, which is executed); repeatable",
     )
 
 
 def observables_shown(args: argparse.Namespace) -> tuple[str, ...]:
     """The observables that tables show, those of `--observe` last. Raises InvalidInput."""
+    from amoeboid.cli.scripts import observed_names
     from amoeboid.studies import observed
     from amoeboid.studies.states import SHOWN
 
-    return tuple(dict.fromkeys((*SHOWN, *observed.checked(args.observe))))
+    return tuple(dict.fromkeys((*SHOWN, *observed.checked(observed_names(args.observe)))))
 
 
 def only_parameters(args: argparse.Namespace) -> Parameters:
@@ -181,13 +183,17 @@ def field_table() -> str:
                 "or an expression in c"
             )
             rows.append(
-                f"  {'stress':24}{'none':18}active isotropic stress: none, contractility, or an "
-                "expression in c"
+                f"  {'stress':24}{'none':18}active isotropic stress beside that of chi and alpha: "
+                "none, saturating, or an expression in c"
             )
             rows.append(
                 f"  {'law.NAME, stress.NAME':24}{'':18}parameters of their own, as law.n of "
                 "v_p0/(1+(c/c_r)**n)"
             )
+    rows.append(
+        f"  {'environment.medium':24}{'cortex':18}where the path of the cell is recorded: fluid, "
+        "matrix, patch:30, channel:30, ... (see `amoeboid motility --help`)"
+    )
     rows.append(
         f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "
         "list of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"

@@ -27,8 +27,9 @@ from amoeboid.closed_forms.linear import (
     critical_pressure,
     critical_slope,
     critical_speed,
-    driving_slope,
+    flow_response,
     growth_rate,
+    mode_derivatives,
     slowest_rate,
 )
 from amoeboid.closed_forms.points import AnyPoints, Points, finite_result
@@ -110,7 +111,9 @@ def steady_amplitude(p: Points) -> SteadyAmplitude:
     it is unstable, the barrier to the polarized state). Above the threshold it is stable unless
     another mode of the sphere grows there already.
     """
-    return _cubic_state(p, _onset(p))
+    at = p.at_speed(critical_speed(p))
+    nu = cubic_coefficient_at_speed(at)
+    return _cubic_state(p, nu, (nu < 0) & _others_decay(at))
 
 
 @finite_result
@@ -145,7 +148,8 @@ def flow_speed(p: Points, amplitude: ArrayLike) -> Array:
 
     The paper's exponential branch (figure 3) uses this one.
     """
-    return np.abs(driving_slope(p)) * np.asarray(amplitude)
+    slope = flow_response(p, 1) * mode_derivatives(p, 1, 1)[1]
+    return np.abs(slope) * np.asarray(amplitude)
 
 
 @finite_result
@@ -155,7 +159,7 @@ def flow_speed_at_threshold(p: Points, amplitude: ArrayLike) -> Array:
     The consistent leading order, the same for every law; the paper uses it for the inverse law and
     for its 0.17 um/s.
     """
-    return np.abs(critical_slope(p)) * np.asarray(amplitude)
+    return np.abs(flow_response(p, 1) * critical_slope(p)) * np.asarray(amplitude)
 
 
 def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
@@ -170,10 +174,12 @@ def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
 def prediction(p: Points) -> Prediction:
     """Polarized state at v_p0 by the cubic theory, with an estimate of its error; broadcasts.
 
-    Raises InvalidInput without a threshold.
+    Raises InvalidInput without a threshold, and with friction or bending, with which the next order
+    is not known.
     """
     onset = _onset(p)
-    cubic, following = _cubic_state(p, onset), _next_state(p, onset)
+    cubic = _cubic_state(p, onset.form.nu, onset.stable)
+    following = _next_state(p, onset)
     speed = flow_speed_at_threshold(p, cubic.amplitude)
     next_speed = max_retrograde_speed(p, _carried(onset.form, following.amplitude))
     estimate, excess = _on_the_way(p, onset)
@@ -226,11 +232,11 @@ def _onset(p: Points) -> _Onset:
     )
 
 
-def _cubic_state(p: Points, onset: _Onset) -> SteadyAmplitude:
-    squared = _ratio(-growth_rate(p, 1), onset.form.nu)
+def _cubic_state(p: Points, nu: Array, stable: Array) -> SteadyAmplitude:
+    squared = _ratio(-growth_rate(p, 1), nu)
     exists = squared > 0
     amplitude = np.sqrt(np.where(exists, squared, 0.0))
-    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & onset.stable)
+    return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & stable)
 
 
 def _next_state(p: Points, onset: _Onset) -> SteadyAmplitude:
@@ -277,7 +283,8 @@ def _judged(p: Points, onset: _Onset) -> tuple[Array, Array]:
     The error is the distance from the next order, and what that leaves out: the third harmonic, the
     flow beyond the first, and that the second harmonic decays slower the farther the threshold is.
     """
-    cubic, following = _cubic_state(p, onset), _next_state(p, onset)
+    cubic = _cubic_state(p, onset.form.nu, onset.stable)
+    following = _next_state(p, onset)
     carried = _carried(onset.form, following.amplitude)
     next_speed = max_retrograde_speed(p, carried)
     leading = flow_speed_at_threshold(p, following.amplitude)

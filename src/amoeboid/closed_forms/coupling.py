@@ -17,7 +17,8 @@ with lambda_l for delta_P -> infinity (`growth_rate`). The pressure acts through
                       + Q2r a^2 rho_2 + Q01r b rho_2 + Qrr rho_2^2 + Q1s a rho_3 ] + (5/7) rho_2^2
     rho_3 = kappa_3 [ w_1 d + S3 a^3 + S11 a b + S1r a rho_2 ]
 
-with kappa_l = 0 for delta_P -> infinity (`shape_response`). The area and the filament number fix
+with kappa_l = 0 for delta_P -> infinity (`shape_response`). Friction and bending are known to third
+order: they change A3, A11, A1r, B2, Br and kappa_2 alone. The area and the filament number fix
 the radius and the mean of c, which change at fourth order; rho_1 = 0 fixes the origin. Derived in
 tests/theory/test_theory_amplitude.py; SI `eq_coeff_cdot_actin_non_linear_1` and `_2` for the
 exponential law, `eq_nonlinear_inv` for the inverse law, both to third order and without the shape.
@@ -27,11 +28,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import (
     driving_derivatives,
+    effective_friction,
     flow_response,
     growth_rate,
+    mode_derivatives,
+    refuse_nonlinear_friction,
+    refuse_surroundings,
     shape_response,
     stress_derivatives,
 )
@@ -107,21 +114,31 @@ class FifthOrder:
 def cubic_equations(p: Points) -> CubicEquations:
     """The amplitude equations to third order at v_p0 of p; broadcasts over the parameters.
 
-    Raises InvalidInput where the law is not defined at c0, a coefficient overflows, or nothing
-    holds the shape (delta_P and v_p(c0) are 0).
+    With bending, and with uniform friction of the surface; friction of the cortex only for
+    delta_P -> infinity. Raises InvalidInput for other friction, where the law is not defined at c0,
+    a coefficient overflows, or nothing holds the shape (delta_P and v_p(c0) are 0).
     """
-    c0, R0 = p.c0, p.R0
+    refuse_nonlinear_friction(p)
+    c0, R0, S = p.c0, p.R0, p.eta_s + p.eta_b
     f0, f1 = p.v_p_derivatives(c0, 1)
-    _, w1, w2, w3 = driving_derivatives(p, 3)
-    G2 = flow_response(p, 2)
+    _, w1, w2 = driving_derivatives(p, 2)
+    _, K1 = stress_derivatives(p, 1)
+    G1, G2 = flow_response(p, 1), flow_response(p, 2)
+    _, first, second, third = (G1 * w for w in mode_derivatives(p, 1, 3))
+    # flow of mode 2 on the shape P_2, and drag of the shape P_2 on a moving cell
+    on_shape = 1 - G2 * (1 + (p.gamma_t + p.gamma_c) * R0**2 / (2 * S))
+    drag = effective_friction(p) * R0**2 / S
+    total = 2 * p.gamma_t + p.gamma_n
+    moved = p.gamma_t / np.where(total > 0, total, 1.0)
+    steered = (1 + 3 * moved * drag) * f1 - (1 - 6 * moved) * drag / 2 * K1
     return CubicEquations(
         lambda_1=growth_rate(p, 1),
         lambda_2=growth_rate(p, 2),
-        A3=-(c0 * w3 + 2 * G2 * w2) / (5 * R0),
-        A11=2 * ((1 - 3 * G2) * w1 - 2 * c0 * w2) / (5 * R0),
-        A1r=2 * (4 * p.D / R0 - 4 * c0 * f1 - 3 * (1 - G2) * f0) / (5 * R0),
-        B2=-2 * (w1 + c0 * G2 * w2) / R0,
-        Br=-6 * c0 * (1 - G2) * f0 / R0,
+        A3=-(c0 * third + 2 * G2 * w2) / (5 * R0),
+        A11=2 * (first - 3 * G2 * w1 - 2 * c0 * second) / (5 * R0),
+        A1r=2 * (4 * p.D / R0 - 4 * c0 * G1**2 * steered - 3 * on_shape * f0) / (5 * R0),
+        B2=-2 * (first + c0 * G2 * w2) / R0,
+        Br=-6 * c0 * on_shape * f0 / R0,
         kappa_2=shape_response(p, 2),
         w_1=w1,
         Q2=w2 / 3,
@@ -130,7 +147,11 @@ def cubic_equations(p: Points) -> CubicEquations:
 
 @finite_result
 def fifth_order(p: Points) -> FifthOrder:
-    """The terms beyond third order at v_p0 of p; broadcasts, and raises as `cubic_equations`."""
+    """The terms beyond third order at v_p0 of p; broadcasts, and raises as `cubic_equations`.
+
+    Raises InvalidInput with friction or bending, where they are not known.
+    """
+    refuse_surroundings(p, "the theory beyond third order")
     c0, R0, beta = p.c0, p.R0, p.beta
     f0 = p.v_p(c0)
     _, w1, w2, w3, w4, w5 = driving_derivatives(p, 5)

@@ -16,6 +16,7 @@ from amoeboid.closed_forms.linear import (
     driving_derivatives,
     driving_slope,
     flow_response,
+    refuse_surroundings,
     shape_response,
     stress_slope,
 )
@@ -69,8 +70,9 @@ def flow_modes(p: Points, c: Harmonics) -> Array:
     """Modes u_l of the flow u = sin(theta) (u_1 P_1' + u_2 P_2' + u_3 P_3') [L/T], shape (3, ...).
 
     u is positive towards the front, to third order in a, on the resting shape of c. The part on a
-    sphere is G_l times the driving speed of the mode.
+    sphere is G_l times the driving speed of the mode. Raises InvalidInput with friction or bending.
     """
+    refuse_surroundings(p, "the flow to third order")
     f0, f1 = p.v_p_derivatives(p.c0, 1)
     w1, K1 = driving_slope(p), stress_slope(p)
     G2, G3 = flow_response(p, 2), flow_response(p, 3)
@@ -159,8 +161,10 @@ def rho_2_at_high_pressure(p: Points, c: Harmonics) -> Array:
 def sphere_velocities(p: AnyPoints, a: float, theta: ArrayLike) -> SphereVelocities:
     """The velocity perturbations of figure 2B for c = c0 + a cos(theta), to first order.
 
-    Main text `deltavp`, SI `infinitan`. p is a single point; theta has any shape.
+    Main text `deltavp`, SI `infinitan`. p is a single point; theta has any shape. Raises
+    InvalidInput with friction, with which the cortex does not move as a whole.
     """
+    refuse_surroundings(p, "figure 2B")
     f1, g1 = points(p).v_p_derivatives(p.c0, 1)[1], driving_slope(p)
     sine, cosine = np.sin(theta), np.cos(theta)
     zero = np.zeros_like(sine)

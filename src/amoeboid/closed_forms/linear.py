@@ -2,7 +2,9 @@
 
 Notation: S = eta_s + eta_b, L = l(l+1), f_k the k-th derivative of the law at c0. An isotropic
 stress tau(c) (elastic, active) acts as a polymerization speed of -R0 tau/(2S) would: flows follow
-w(c) = v_p(c) - R0 tau(c)/(2S), the motion of the membrane v_p alone (docs/theory.md).
+w(c) = v_p(c) - R0 tau(c)/(2S), the motion of the membrane v_p alone. Friction, Gamma = gamma_t +
+gamma_c, slows the flow of every mode; that of mode l = 1, in which the cell moves as a whole, by
+gamma_eff alone (docs/theory.md, docs/forces.md).
 """
 
 from __future__ import annotations
@@ -25,6 +27,8 @@ from amoeboid.validation import InvalidInput
 # threshold that the closed form gives, to the same accuracy.
 PROPORTIONAL = 1e-12
 MAX_THRESHOLDS = 100
+SURROUNDINGS = ("gamma_t", "gamma_n", "gamma_c", "kappa")
+"""Parameters of friction and bending, which the closed forms beyond third order do not know."""
 
 
 @dataclass(frozen=True)
@@ -52,9 +56,12 @@ class FirstMode:
 def base_tension(p: Points) -> Array:
     """Membrane tension zeta_0 of the homogeneous sphere [M/T^2]; main text, force balance.
 
-    Half the pressure times the radius, plus the treadmilling, less the isotropic stress.
+    Half the pressure times the radius, plus the treadmilling, less the isotropic stress. Friction
+    of the cortex, which flows inwards with v_p, acts as a pressure gamma_c v_p.
     """
-    return p.delta_P * p.R0 / 2 + 2 * p.v_p(p.c0) * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
+    v_p = p.v_p(p.c0)
+    held = p.delta_P + p.gamma_c * v_p
+    return held * p.R0 / 2 + 2 * v_p * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
 
 
 def stress_derivatives(p: Points, order: int) -> tuple[Array, ...]:
@@ -86,13 +93,85 @@ def driving_slope(p: Points) -> Array:
     return driving_derivatives(p, 1)[1]
 
 
-def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
-    """G_l: the flow potential of mode l is -R0 G_l times the speed of mode l [1]; G_1 = 1.
+@finite_result
+def effective_friction(p: Points) -> Array:
+    """gamma_eff, the friction of a moving cell of mode l = 1 [M/(L^2 T)].
 
-    Raises InvalidInput unless l is a whole number >= 1.
+    Gamma (gamma_n + gamma_c)/(2 Gamma + gamma_n + gamma_c) with Gamma = gamma_t + gamma_c: the
+    motion of the cell, at which no force is left, takes the rest. gamma_t for gamma_n -> infinity,
+    a cell that is held.
+    """
+    along, across = p.gamma_t + p.gamma_c, p.gamma_n + p.gamma_c
+    total = 2 * along + across
+    return np.where(total > 0, along * across / np.where(total > 0, total, 1.0), 0.0)
+
+
+def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
+    """G_l: the flow potential of mode l is -R0 G_l times the speed of mode l [1].
+
+    G_1 = 1/(1 + gamma_eff R0^2/(2S)), 1 without friction. Raises InvalidInput unless l is a whole
+    number >= 1.
     """
     L = _degree(l)
-    return 2 * (p.eta_s + p.eta_b) / (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s)
+    p = points(p)
+    S = p.eta_s + p.eta_b
+    first = 1 / (1 + effective_friction(p) * p.R0**2 / (2 * S))
+    resisted = L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s + (p.gamma_t + p.gamma_c) * p.R0**2
+    return np.where(L == 2, first, 2 * S / resisted)
+
+
+def mode_derivatives(p: Points, l: ArrayLike, order: int) -> tuple[Array, ...]:
+    """What drives the flow of mode l, the k-th derivatives at c0 [L/T over powers of N/L^2].
+
+    w_k, and in mode l = 1 `push_share` times those of m v_p, with m(c) of `forces.friction`.
+    """
+    share = np.where(_degree(l) == 2, push_share(p), 0.0)
+    f = p.v_p_derivatives(p.c0, order)
+    more = [0.0, *(k * _density_slope(p) * f[k - 1] for k in range(1, order + 1))]
+    pushed = (share * (f_k + m_k) for f_k, m_k in zip(f, more, strict=True))
+    return tuple(w + q for w, q in zip(driving_derivatives(p, order), pushed, strict=True))
+
+
+@finite_result
+def push_share(p: Points) -> Array:
+    """What friction of the cortex adds to the drive of mode l = 1, as a share of v_p [1].
+
+    Treadmilling against it pushes the cell by gamma_c v_p along the normal. 0 without gamma_c.
+    """
+    along, across = p.gamma_t + p.gamma_c, p.gamma_n + p.gamma_c
+    total = 2 * along + across
+    push = p.gamma_c * along * p.R0**2 / (2 * (p.eta_s + p.eta_b))
+    return push / np.where(total > 0, total, 1.0)
+
+
+def _density_slope(p: Points) -> Array:
+    """m'(c0), what the friction of the cortex changes by with c."""
+    return p.gamma_share / np.where(p.c0 > 0, p.c0, 1.0)
+
+
+def refuse_surroundings(p: AnyPoints, what: str) -> None:
+    """Raise InvalidInput where there is friction or bending, which `what` does not know."""
+    given = [n for n in SURROUNDINGS if np.any(getattr(p, n) != 0)]
+    if given:
+        raise InvalidInput(
+            f"{what} is known without friction and bending alone, got {', '.join(given)} > 0: "
+            "leave them out, or follow the axisymmetric branch (`amoeboid branch`)"
+        )
+
+
+def refuse_nonlinear_friction(p: Points) -> None:
+    """Raise InvalidInput for friction beyond what the amplitude equation knows."""
+    if np.any((p.gamma_share != 0) & (p.gamma_t + p.gamma_n + p.gamma_c != 0)):
+        raise InvalidInput(
+            "the amplitude equation must have friction that is uniform, got gamma_share > 0: set "
+            "gamma_share to 0, or follow the axisymmetric branch (`amoeboid branch`)"
+        )
+    if np.any((p.gamma_c != 0) & np.isfinite(p.delta_P)):
+        raise InvalidInput(
+            "the amplitude equation must not have friction of the cortex at a finite delta_P, got "
+            "gamma_c > 0: take infinite_pressure(p), or follow the axisymmetric branch (`amoeboid "
+            "branch`)"
+        )
 
 
 @finite_result
@@ -100,16 +179,28 @@ def shape_response(p: Points, l: ArrayLike) -> Array:
     """kappa_l: a steady shape has rho_l = kappa_l times the speed of mode l [T/L], for l >= 2.
 
     The speed is that of w(c); 0 for delta_P -> infinity. Raises InvalidInput unless l is a
-    whole number >= 2, and where delta_P and v_p(c0) are both 0.
+    whole number >= 2, where nothing holds the shape (delta_P, kappa and v_p(c0) are 0), and with
+    friction of the cortex, which drives the shape as well, or friction proportional to c.
     """
+    refuse_nonlinear_friction(p)
     L = _degree(l, lowest=2)
     S = p.eta_s + p.eta_b
-    f0 = p.v_p(p.c0)
+    f0, held = p.v_p(p.c0), held_pressure(p, L)
+    friction = (p.gamma_t + p.gamma_c) * p.R0**2
     pull = 8 * p.eta_s * S
-    stiffness = p.delta_P * p.R0**2 * (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s) + pull * f0
+    stiffness = held * p.R0**2 * (L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s + friction)
+    stiffness = stiffness + (pull - 4 * S * friction) * f0
     if np.any(stiffness == 0):
         raise InvalidInput("delta_P or v_p(c0) must be > 0: nothing holds the shape of the cell")
-    return pull / stiffness
+    return (pull + 8 * S * friction / (L - 2)) / stiffness
+
+
+def held_pressure(p: Points, L: ArrayLike) -> Array:
+    """What holds the shape of a mode L = l(l+1) as a pressure would [M/(L T^2)].
+
+    delta_P, friction of the treadmilling cortex, and bending: gamma_c v_p(c0) + 2 kappa L/R0^3.
+    """
+    return p.delta_P + p.gamma_c * p.v_p(p.c0) + 2 * p.kappa * np.asarray(L) / p.R0**3
 
 
 @finite_result
@@ -120,13 +211,16 @@ def growth_rate(p: Points, l: ArrayLike) -> Array:
     Raises InvalidInput unless l is a whole number >= 1.
     """
     L = _degree(l)
-    drive = L * flow_response(p, l) * p.c0 * driving_slope(p) / p.R0
+    drive = L * flow_response(p, l) * p.c0 * mode_derivatives(p, l, 1)[1] / p.R0
     return -drive - L * p.D / p.R0**2 - p.beta
 
 
 @finite_result
 def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
-    """The driving slope w_1 at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0."""
+    """The slope of what drives mode l, at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0.
+
+    That is w_1 without friction of the cortex; see `mode_derivatives`.
+    """
     if np.any(np.asarray(p.c0) == 0):
         raise InvalidInput("c0 must be > 0 for a threshold, got 0: there is nothing to advect")
     L = _degree(l)
@@ -147,7 +241,7 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
         return _none("c0 = 0: there are no filaments for the flow to carry")
     target = float(critical_slope(p, l) - stress_slope(p))
     if proportional_to_speed(p):
-        slope = float(p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1])
+        slope = float(_speed_slope(p, l))
         if not slope * target > 0:
             return _none(_without_threshold(slope, target))
         return Thresholds(_representable(np.array([target / slope])), np.array([slope < 0]), "")
@@ -177,13 +271,19 @@ def critical_speed(p: AnyPoints, l: int = 1) -> Array:
     p = points(p)
     if not proportional_to_speed(p):
         return np.reshape([_lowest(point, l) for point in p.flat()], p.shape)
-    slope = p.at_speed(1.0).v_p_derivatives(p.c0, 1)[1]
+    slope = _speed_slope(p, l)
     target = critical_slope(p, l) - stress_slope(p)
     absent = ~(np.broadcast_to(np.sign(slope) * np.sign(target), p.shape) > 0)
     if np.any(absent):
         _lowest(p.flat()[int(np.flatnonzero(absent)[0])], l)
     with np.errstate(all="ignore"):
         return _representable(target / slope)
+
+
+def _speed_slope(p: Points, l: int) -> Array:
+    """What a unit of v_p0 adds to the slope that drives mode l."""
+    at = p.at_speed(1.0)
+    return at.v_p_derivatives(p.c0, 1)[1] + (mode_derivatives(at, l, 1)[1] - driving_slope(at))
 
 
 def proportional_to_speed(p: AnyPoints) -> bool:
@@ -207,15 +307,27 @@ def finite_pressure_matrix(p: Points, l: ArrayLike) -> Array:
     """The 2x2 matrix M of d(c_l, rho_l)/dt = M (c_l, rho_l), shape (..., 2, 2), for l >= 2.
 
     Exact at any delta_P, with r = R0 (1 + rho_l P_l); generalizes SI `lambdal`, derived in
-    docs/theory.md. Raises InvalidInput unless l is a whole number >= 2.
+    docs/theory.md, with friction and bending in docs/forces.md. Raises InvalidInput unless l is a
+    whole number >= 2.
     """
     L = _degree(l, lowest=2)
     S = p.eta_s + p.eta_b
-    f0, g1 = p.v_p(p.c0), driving_slope(p)
+    f0, f1 = p.v_p_derivatives(p.c0, 1)
+    g1, held = driving_slope(p), held_pressure(p, L)
+    # friction along the surface as a share of the shear viscosity, and across
+    along = (p.gamma_t + p.gamma_c) * p.R0**2 / p.eta_s
+    across = (p.gamma_n + p.gamma_c) * p.R0**2 / (2 * S)
+    slower = 1 + along / (L - 2)
+    lever = ((L - 2) / S + L / (p.eta_s * slower)) * S / (L - 2)
+    shape = 1 + across * lever / 2
+    push = p.gamma_c * p.R0**2 * (f1 + _density_slope(p) * f0) / (2 * S)
+    M21 = (g1 + push * lever / 2) / p.R0 / shape
+    treadmilling = f0 * (1 - along / 2) / slower
+    M22 = -(treadmilling + held * p.R0**2 / 8 * (L / (p.eta_s * slower) + (L - 2) / S)) / p.R0
+    M22 = M22 / shape
     M11 = -L * p.D / p.R0**2 - p.beta - 2 * p.c0 * g1 / p.R0
-    M12 = p.c0 * (L - 2) / p.R0 * (p.delta_P * p.R0**2 / (4 * S) - f0)
-    M21 = g1 / p.R0
-    M22 = -(f0 + p.delta_P * p.R0**2 / 8 * (L / p.eta_s + (L - 2) / S)) / p.R0
+    M11 = M11 + p.c0 * (across * M21 - push / p.R0)
+    M12 = p.c0 * (L - 2) / p.R0 * (held * p.R0**2 / (4 * S) - f0) + p.c0 * across * M22
     a, b, c, d = np.broadcast_arrays(M11, M12, M21, M22)
     return np.stack([np.stack([a, b], axis=-1), np.stack([c, d], axis=-1)], axis=-2)
 
@@ -259,15 +371,33 @@ def slowest_rate(p: Points, l: ArrayLike) -> Array:
 def critical_pressure(p: Points) -> Array:
     """delta_P*: below it mode 2 goes unstable before mode 1 [M/(L T^2)]; docs/theory.md.
 
-    v_p0 is not used: the l = 1 threshold takes its place. Raises InvalidInput without a threshold.
+    v_p0 is not used: the l = 1 threshold takes its place. 0 where mode 2 never leads, as with
+    enough bending stiffness. Raises InvalidInput without a threshold, and where friction makes mode
+    2 lead at every pressure.
     """
-    f0 = p.at_speed(critical_speed(p)).v_p(p.c0)
+    at = p.at_speed(critical_speed(p))
+    f0, f1 = at.v_p_derivatives(p.c0, 1)
     S = p.eta_s + p.eta_b
-    resisting = 6 * p.D * (2 * p.eta_s + p.eta_b) + p.R0**2 * p.beta * p.eta_s
+    # the determinant of `finite_pressure_matrix` for l = 2 is linear in `held_pressure`
+    along = (p.gamma_t + p.gamma_c) * p.R0**2 / p.eta_s
+    slower = 1 + along / 4
+    lever = 1 + 3 * S / (2 * p.eta_s * slower)
+    drive = -p.c0 * driving_slope(at) / p.R0
+    push = p.c0 * p.gamma_c * p.R0 * (f1 + _density_slope(p) * f0) / (2 * S)
+    decay = 6 * p.D / p.R0**2 + p.beta - 2 * drive
+    resisting = decay * lever / 2 + drive
+    treadmilling = (1 - along / 2) / slower
+    pulling = 4 * drive - 2 * push * lever - treadmilling * (decay + push)
+    if np.any((resisting <= 0) & (pulling > 0)):
+        raise InvalidInput(
+            "mode 2 leads at every pressure with this friction (gamma_t, gamma_n, gamma_c): there "
+            "is no delta_P* above which mode 1 does"
+        )
     # Without diffusion and turnover the threshold rests on the stress alone; mode 2 never leads.
-    return np.where(
-        resisting > 0, 4 * p.beta * p.eta_s * S * f0 / np.where(resisting > 0, resisting, 1), 0.0
+    held = np.where(
+        resisting > 0, S * f0 * pulling / (p.R0**2 * np.where(resisting > 0, resisting, 1)), 0.0
     )
+    return np.maximum(held - p.gamma_c * f0 - 12 * p.kappa / p.R0**3, 0.0)
 
 
 def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:

@@ -13,8 +13,9 @@ from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed, second_h
 from amoeboid.closed_forms.linear import (
     MAX_THRESHOLDS,
     critical_slope,
-    driving_slope,
+    flow_response,
     growth_rate,
+    mode_derivatives,
     thresholds,
 )
 from amoeboid.closed_forms.points import AnyPoints, Points, points
@@ -54,8 +55,8 @@ def phase_boundary(p: AnyPoints, c0: ArrayLike) -> PhaseBoundary:
 
 def diffusion_at_threshold(p: Points, v_p0: ArrayLike) -> Array:
     """D at which lambda_1 = 0 at this v_p0 [L^2/T]; negative where there is none."""
-    w1 = driving_slope(p.at_speed(v_p0))
-    return -p.R0 * (p.c0 * w1 + p.beta * p.R0 / 2)
+    w1 = mode_derivatives(p.at_speed(v_p0), 1, 1)[1]
+    return -p.R0 * (p.c0 * flow_response(p, 1) * w1 + p.beta * p.R0 / 2)
 
 
 def _crossings(p: Points) -> list[tuple[float, float]]:

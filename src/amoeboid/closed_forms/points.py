@@ -38,6 +38,12 @@ class Points(Material):
     D: Array
     v_p0: Array
     alpha: Array
+    chi: Array
+    kappa: Array
+    gamma_t: Array
+    gamma_n: Array
+    gamma_c: Array
+    gamma_share: Array
     law: Law
     stress: Stress
 
@@ -184,12 +190,14 @@ def _checked(name: str, f: Field[Any] | None, value: Any) -> Array:
         array = array.astype(float)
     except (TypeError, ValueError):
         raise InvalidInput(f"{name} must be {allowed}, got {value!r}") from None
-    bounds = f.metadata["bounds"] if f else {">": None, ">=": None}
+    bounds = f.metadata["bounds"] if f else {">": None, ">=": None, "<=": None}
     good = np.isfinite(array)
     if bounds[">"] is not None:
         good &= array > bounds[">"]
     if bounds[">="] is not None:
         good &= array >= bounds[">="]
+    if bounds["<="] is not None:
+        good &= array <= bounds["<="]
     if not np.all(good):
         raise InvalidInput(f"{name} must be {allowed}, got {array[~good].flat[0]:.6g}")
     return array

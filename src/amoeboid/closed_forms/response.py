@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.closed_forms.linear import growth_rate
+from amoeboid.closed_forms.linear import flow_response, growth_rate, push_share
 from amoeboid.closed_forms.points import Points, finite_result
 from amoeboid.validation import InvalidInput
 
@@ -35,4 +35,5 @@ def polarization_by_cue(p: Points, strength: ArrayLike) -> Array:
             f"{float(np.max(rate)):.6g}: the sphere is unstable and polarizes by itself; lower v_p0"
         )
     (f0,) = p.v_p_derivatives(p.c0, 0)
-    return 2 * p.c0 * np.asarray(strength) * f0 / (p.R0 * rate)
+    push = flow_response(p, 1) * (1 + push_share(p))  # 1 without friction
+    return 2 * p.c0 * np.asarray(strength) * f0 * push / (p.R0 * rate)

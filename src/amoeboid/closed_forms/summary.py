@@ -7,17 +7,27 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.closed_forms.amplitude import (
-    at_threshold,
     bifurcation,
+    cubic_coefficient,
     normal_form_at_infinite_pressure,
+    second_harmonic,
 )
-from amoeboid.closed_forms.branch import Prediction, harmonics, prediction, trusted_distance
-from amoeboid.closed_forms.flow import rho_2
+from amoeboid.closed_forms.branch import (
+    Prediction,
+    SteadyAmplitude,
+    flow_speed_at_threshold,
+    prediction,
+    steady_amplitude,
+    trusted_distance,
+)
+from amoeboid.closed_forms.coupling import cubic_equations
+from amoeboid.closed_forms.flow import Harmonics, rho_2
 from amoeboid.closed_forms.linear import (
     FirstMode,
     Thresholds,
     base_tension,
     critical_pressure,
+    critical_speed,
     finite_pressure_rates,
     first_mode,
     growth_rate,
@@ -36,7 +46,10 @@ NU = "L^4/(T N^2)"
 class Weakly:
     """What the amplitude equation says at a point that has a threshold.
 
-    nu, m_2, r_2, the bifurcation and the prediction are those at the pressure of the cell.
+    nu, m_2, r_2, the bifurcation and the prediction are those at the pressure of the cell. `state`
+    and `max_retrograde_speed` are those of the cubic equation alone. What needs the next order
+    (nu_5, prediction, trusted distance) is None with friction or bending, where it is not known;
+    delta_P_star is None where mode 2 leads at every pressure.
     """
 
     v_p_critical: float
@@ -45,12 +58,14 @@ class Weakly:
     r_2: float
     bifurcation: str
     nu_infinite_pressure: float
-    nu_5_infinite_pressure: float
+    nu_5_infinite_pressure: float | None
     bifurcation_infinite_pressure: str
-    delta_P_star: float
-    prediction: Prediction
+    delta_P_star: float | None
+    state: SteadyAmplitude
+    max_retrograde_speed: float
+    prediction: Prediction | None
     rho_2: float | None
-    trusted_distance: float
+    trusted_distance: float | None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,37 +119,58 @@ def summary(p: Parameters) -> Summary:
 def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]:
     if found.reason:
         return None, [f"no threshold: {found.reason}"]
+    at, rigid = p.replace(v_p0=float(critical_speed(p))), infinite_pressure(p)
     try:
-        form, predicted = at_threshold(p), prediction(p)
-        rigid = normal_form_at_infinite_pressure(p)
+        m_2, r_2 = _slaved(at)
+        kind, rigid_kind = str(bifurcation(p)), str(bifurcation(rigid))
     except InvalidInput as error:
         return None, [f"no amplitude equation: {error}"]
     notes = []
     if found.v_p0.size > 1:
         notes.append("this law has several thresholds; nu and the flow belong to the lowest")
-    kind, rigid_kind = str(bifurcation(p)), str(bifurcation(infinite_pressure(p)))
+    rigid_nu = float(cubic_coefficient(rigid))
     if kind != rigid_kind:
         notes.append(
             f"the bifurcation is {kind} at this pressure and {rigid_kind} for delta_P -> infinity, "
-            f"where nu is {shown(p.quantity(float(rigid.nu), NU))}"
+            f"where nu is {shown(p.quantity(rigid_nu, NU))}"
         )
+    star, state = None, steady_amplitude(p)
+    try:
+        star = float(critical_pressure(p))
+    except InvalidInput as error:
+        notes.append(f"no delta_P*: {error}")
+    nu_5, predicted, distance = None, None, None
+    try:
+        nu_5 = float(normal_form_at_infinite_pressure(p).nu_5)
+        predicted, distance = prediction(p), float(trusted_distance(p))
+    except InvalidInput as error:
+        notes.append(f"no error estimate: {error}")
     return (
         Weakly(
-            v_p_critical=float(form.v_p0),
-            nu=float(form.nu),
-            m_2=float(form.m_2),
-            r_2=float(form.r_2),
+            v_p_critical=at.v_p0,
+            nu=float(cubic_coefficient(p)),
+            m_2=m_2,
+            r_2=r_2,
             bifurcation=kind,
-            nu_infinite_pressure=float(rigid.nu),
-            nu_5_infinite_pressure=float(rigid.nu_5),
+            nu_infinite_pressure=rigid_nu,
+            nu_5_infinite_pressure=nu_5,
             bifurcation_infinite_pressure=rigid_kind,
-            delta_P_star=float(critical_pressure(p)),
+            delta_P_star=star,
+            state=state,
+            max_retrograde_speed=float(flow_speed_at_threshold(p, state.amplitude)),
             prediction=predicted,
-            rho_2=_rho_2(p, predicted),
-            trusted_distance=float(trusted_distance(p)),
+            rho_2=_rho_2(p, state, m_2),
+            trusted_distance=distance,
         ),
         notes,
     )
+
+
+def _slaved(at: Parameters) -> tuple[float, float]:
+    """m_2 and r_2 at a threshold. Raises InvalidInput."""
+    e = cubic_equations(at)
+    m_2, r_2 = second_harmonic(at).at_rest(e.B2, e.Q2)
+    return float(m_2), float(r_2)
 
 
 def _first_mode_notes(
@@ -160,13 +196,14 @@ def _first_mode_notes(
     return notes
 
 
-def _rho_2(p: Parameters, predicted: Prediction) -> float | None:
+def _rho_2(p: Parameters, state: SteadyAmplitude, m_2: float) -> float | None:
     """rho_2 of the polarized state, None where there is no such state or nothing holds a shape."""
+    a = float(state.amplitude)
     try:
-        found = rho_2(p, harmonics(p, predicted.state.amplitude))
+        found = rho_2(p, Harmonics(a=a, b=m_2 * a**2))
     except InvalidInput:
         return None
-    return float(found) if predicted.state.exists else None
+    return float(found) if state.exists else None
 
 
 def _speed(
@@ -182,10 +219,10 @@ def _speed(
         ]
     if lambda_1 <= 0:
         notes = ["the homogeneous state is stable: no flow"]
-        if weakly is not None and weakly.prediction.state.exists:
+        if weakly is not None and weakly.state.exists:
             notes.append(
                 "a polarization above the amplitude of the unstable state grows nevertheless"
-                if weakly.prediction.in_reach
+                if weakly.prediction is not None and weakly.prediction.in_reach
                 else "the cubic theory has an unstable polarized state, too far from the threshold "
                 "to be trusted; `amoeboid steady` decides whether the cell has polarized states"
             )
@@ -199,25 +236,29 @@ def _speed(
             "predicts no flow; `amoeboid steady` computes it"
         ]
     predicted = weakly.prediction
-    if not predicted.state.stable:
+    if not weakly.state.stable:
         return None, [
             "the homogeneous state polarizes and the cubic theory has no stable state: it jumps to "
             "a large amplitude"
+        ]
+    if predicted is None or weakly.trusted_distance is None:
+        return None, [
+            "how far the cubic theory reaches is not known with this friction or bending: "
+            "`amoeboid steady` computes the flow"
         ]
     if not predicted.in_reach:
         return None, [
             "v_p0 is too far from the threshold for the cubic theory: the next order is far below "
             "it, or mode 2 is close to its own threshold; `amoeboid steady` computes the flow"
         ]
-    return float(predicted.max_retrograde_speed), _trust(v_p0, weakly)
+    times = abs(v_p0 - weakly.v_p_critical) / weakly.trusted_distance
+    return float(predicted.max_retrograde_speed), _trust(predicted, times)
 
 
-def _trust(v_p0: float, weakly: Weakly) -> list[str]:
-    """How far to trust a flow that is predicted."""
-    predicted = weakly.prediction
+def _trust(predicted: Prediction, times: float) -> list[str]:
+    """How far to trust a flow that is predicted, at `times` the trusted distance."""
     if not predicted.next_order.exists:
         return ["the next order has no such state: do not trust the predicted flow"]
-    times = abs(v_p0 - weakly.v_p_critical) / weakly.trusted_distance
     if times <= 1:
         return []
     error = float(predicted.relative_error)

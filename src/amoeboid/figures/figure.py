@@ -142,8 +142,12 @@ class Figure:
 
 
 def checked_formats(formats: Sequence[str]) -> list[str]:
-    """Formats of pictures, each once. Raises InvalidInput for an unknown one."""
+    """Formats of pictures, small letters or capitals, each once.
+
+    Raises InvalidInput for an unknown one.
+    """
     given = [formats] if isinstance(formats, str) else list(formats)
+    given = [one.lower() if isinstance(one, str) else one for one in given]
     for one in given:
         if one not in FORMATS:
             raise InvalidInput(f"a format must be one of {', '.join(FORMATS)}, got {one!r}")

@@ -8,14 +8,12 @@ command has computed is there when it is given again.
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from amoeboid.figures.sources import digest_of
-from amoeboid.model.parameters import Parameters, parameters_to_toml
+from amoeboid.identity.content import Unidentified, code, content
 from amoeboid.output.atomic import write_text
 from amoeboid.validation import InvalidInput
 
@@ -95,35 +93,13 @@ def _key(function: Callable[..., Any], arguments: Sequence[Any]) -> str | None:
     """A text that differs where the result may; None where no text can describe that.
 
     This is so for a law or stress that is a Python function, and for a function that its name does
-    not tell from others: one of a notebook may be another one in the next moment, one made by
-    another function depends on what that was given.
+    not tell from others.
     """
-    own = _file_of(function)
-    if own is None:
+    try:
+        identity = code(function)
+    except Unidentified:
         return None
     try:
-        texts = [_text(a) for a in arguments]
+        return "\n".join([identity, *map(content, arguments)])
     except InvalidInput:
         return None
-    name = f"{function.__module__}.{function.__qualname__}"
-    return "\n".join([name, *texts, digest_of(own, function.__module__)])
-
-
-def _file_of(function: Callable[..., Any]) -> Path | None:
-    """The file that holds this function under its name; None if there is none."""
-    module = sys.modules.get(getattr(function, "__module__", None) or "")
-    named: Any = module
-    for part in getattr(function, "__qualname__", "").split("."):
-        named = getattr(named, part, None)
-    file = getattr(module, "__file__", None)
-    return Path(file) if named is function and file is not None else None
-
-
-def _text(argument: Any) -> str:
-    if isinstance(argument, Parameters):
-        return f"{parameters_to_toml(argument)}{argument.units!r}"
-    if isinstance(argument, tuple):
-        return f"({', '.join(map(_text, argument))})"
-    if argument is None or isinstance(argument, bool | int | float | str):
-        return repr(argument)
-    raise TypeError(f"an argument of a kept result is a number or a text, got {argument!r}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import bsr_array, csr_array
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, Index
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import Geometry
 from amoeboid.numerics.compiled import compiled
@@ -146,7 +146,12 @@ def _normal_projection(entries, normals, row_start, columns):  # type: ignore[no
 
 def normal_blocks(entries: Array, normals: Array, mesh: Connectivity) -> Array:
     """Blocks (P, 3, 3) of N S N^T for a scalar matrix S given by `entries`, N the node normals."""
-    return np.asarray(_normal_blocks(entries, normals, mesh.row_start, mesh.columns))
+    return normal_blocks_on(entries, normals, mesh.row_start, mesh.columns)
+
+
+def normal_blocks_on(entries: Array, normals: Array, row_start: Index, columns: Index) -> Array:
+    """The same on any pattern in compressed row form."""
+    return np.asarray(_normal_blocks(entries, normals, row_start, columns))
 
 
 @compiled

@@ -219,7 +219,7 @@ def change(found: Any) -> Change:
 class Changes(Mapping[str, Change]):
     """The parameters that change in time, by name; values are what `change` takes.
 
-    Names are those of the numbers in Parameters, also of law and stress (`law.n`, `stress.chi`),
+    Names are those of the numbers in Parameters, also of law and stress (`law.n`, `stress.k`),
     and `cue.strength`.
 
     Raises InvalidInput for an unknown name, R0, and a value that is no change.

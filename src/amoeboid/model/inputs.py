@@ -93,7 +93,7 @@ def inputs_of(given: Parameters, changes: Changes, cue: Any) -> Inputs | None:
 
     Raises InvalidInput as Inputs.
     """
-    idle = cue is None or (isinstance(cue, Cue) and cue.strength == 0.0)
+    idle = cue is None or (isinstance(cue, Cue) and not cue.acts)
     if idle and CUE_STRENGTH not in changes:
         return Inputs(given, changes) if changes else None
     return Inputs(given, changes, Cue() if cue is None else cue)

@@ -41,6 +41,12 @@ PAPER_CELL: dict[str, str] = {
     "D": "0.03 um^2/s",
     "v_p0": "1.7 um/s",
     "alpha": "0 Pa m^3",
+    "chi": "0 Pa m^3",
+    "kappa": "0 pN um",
+    "gamma_t": "0 Pa s/um",
+    "gamma_n": "0 Pa s/um",
+    "gamma_c": "0 Pa s/um",
+    "gamma_share": "0",
     "law": "exponential",
     "stress": "none",
 }
@@ -54,6 +60,9 @@ EXAMPLES = {
     "L^2/T": "0.03 um^2/s",
     "L/T": "1.7 um/s",
     "M L^2/(T^2 N)": "4e-20 Pa m^3",
+    "M L^2/T^2": "0.2 pN um",
+    "M/(L^2 T)": "1 Pa s/um",
+    "1": "0.5",
 }
 
 
@@ -65,7 +74,11 @@ class Material:
 
     law: Any
     stress: Any
+    gamma_t: Any
+    gamma_n: Any
+    gamma_c: Any
     alpha: Any
+    chi: Any
     c_r: Any
     v_p0: Any
 
@@ -78,17 +91,36 @@ class Material:
         return self.law.derivatives(c, self.v_p0, self.c_r, order)
 
     def tau(self, c: ArrayLike) -> Array:
-        """Isotropic stress at concentration c, -alpha c and the active stress [M/T^2]."""
+        """Isotropic stress at concentration c, (chi - alpha) c and the active one [M/T^2]."""
         return self.tau_derivatives(c, 0)[0]
 
     def tau_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
         """(tau, tau', tau'', ...) at c, to `order`."""
-        return isotropic_stress(self.stress, c, self.alpha, self.c_r, order)
+        return isotropic_stress(self.stress, c, self.chi - self.alpha, self.c_r, order)
 
     @property
     def has_isotropic_stress(self) -> bool:
         """Whether tau is anything but 0 for all c."""
-        return self.alpha != 0 or not isinstance(self.stress, NoStress)
+        return self.alpha != self.chi or not isinstance(self.stress, NoStress)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether the surroundings resist the motion of the cell; `forces.friction`."""
+        return bool(self.gamma_t or self.gamma_n or self.gamma_c)
+
+    @property
+    def share_along(self) -> Any:
+        """Friction along the surface in units of gamma_t + gamma_n + gamma_c; 1 without any."""
+        total = self.gamma_t + self.gamma_n + self.gamma_c
+        none = total == 0  # so that arrays will do, too
+        return (self.gamma_t + self.gamma_c + none) / (total + none)
+
+    @property
+    def share_across(self) -> Any:
+        """The same along the normal."""
+        total = self.gamma_t + self.gamma_n + self.gamma_c
+        none = total == 0
+        return (self.gamma_n + self.gamma_c + none) / (total + none)
 
 
 class ParameterPoint(Material):
@@ -113,12 +145,12 @@ class Parameters(Material):
     """One parameter point; any consistent units, defaults in the paper's simulation units.
 
     Dimensions: L length, T time, M mass, N number of filaments. Law and stress may have parameters
-    of their own; their names are `law.n`, `stress.chi`. Raises InvalidInput for a value outside its
+    of their own; their names are `law.n`, `stress.k`. Raises InvalidInput for a value outside its
     range, a wrong type, NaN or infinity.
 
     >>> from amoeboid.model.polymerization import Custom
-    >>> p = Parameters(law=Custom("v_p0/(1 + (c/c_r)**n)", n=3), stress="contractility")
-    >>> p.replace(**{"law.n": 4, "stress.chi": 0.3}).value("law.n")
+    >>> p = Parameters(law=Custom("v_p0/(1 + (c/c_r)**n)", n=3), chi=0.3)
+    >>> p.replace(**{"law.n": 4, "chi": 0.2}).value("law.n")
     4.0
     """
 
@@ -132,6 +164,12 @@ class Parameters(Material):
     D: float = number(0.03, "filament diffusion coefficient", "L^2/T", ge=0)
     v_p0: float = number(3.8, "polymerization speed scale", "L/T", ge=0)
     alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
+    chi: float = number(0.0, "contractility per filament", "M L^2/(T^2 N)", ge=0)
+    kappa: float = number(0.0, "bending stiffness of the membrane", "M L^2/T^2", ge=0)
+    gamma_t: float = number(0.0, "friction of the surface along itself", "M/(L^2 T)", ge=0)
+    gamma_n: float = number(0.0, "friction of the surface along its normal", "M/(L^2 T)", ge=0)
+    gamma_c: float = number(0.0, "friction of the cortex, isotropic", "M/(L^2 T)", ge=0)
+    gamma_share: float = number(0.0, "share of the friction proportional to c", ge=0, le=1)
     law: LawField = LawField()  # a Law, its name or expression, or a Python function
     stress: StressField = StressField()  # the same, a Stress
     units: Units | None = field(default=None, compare=False, repr=False)
@@ -153,7 +191,7 @@ class Parameters(Material):
         numbers are those of the cell: length R0, time 1/beta (R0^2/D without turnover), mass
         eta_s/beta, filaments c_r R0^2; `units` holds their size, and `quantity` converts results
         back. Numbers in an expression and own parameters of law and stress are in the units of the
-        cell; those whose dimension is declared (`stress.chi` of "contractility") are quantities.
+        cell; those whose dimension a class declares are quantities.
         Raises InvalidInput for an unknown name, a text that is no quantity, or a wrong dimension,
         naming the parameter.
 

@@ -1,8 +1,8 @@
 """Stresses of the cortex: viscous, elastic, and an active isotropic stress tau(c).
 
-To add an active stress, write a class with a `value`, an expression or a Python function. The
-elastic resistance -alpha c of the paper is an isotropic stress too; the contractility +chi c of
-myosin is its opposite.
+The isotropic stress is (chi - alpha) c: the contractility of myosin, and its opposite, the elastic
+resistance of the paper. `stress` adds any other, such as a contractility that saturates: a class
+with a `value`, an expression or a Python function.
 """
 
 from __future__ import annotations
@@ -33,11 +33,14 @@ def principal_stresses(
     return isotropic + stretch_1 * (2 * p.eta_s), isotropic + stretch_2 * (2 * p.eta_s)
 
 
+CONTRACTILITY = "M L^2/(T^2 N)"
+
+
 class Stress(Relation):
     """An active isotropic stress tau(c; c_r) [M/T^2], positive where the cortex contracts.
 
     A subclass states `value` and a `name`. Numbers among the fields of a dataclass are parameters
-    of its own, `stress.chi` in `Parameters`.
+    of its own, `stress.k` in `Parameters`.
     """
 
     noun: ClassVar[str] = "stress"
@@ -70,25 +73,26 @@ class NoStress(Stress):
 
 
 @dataclass(frozen=True)
-class Contractility(Stress):
-    """tau = chi c: every filament contracts the cortex, as with myosin.
+class Saturating(Stress):
+    """tau = chi c/(1 + c/c_s): contractility that motors limit, chi c_s at most.
 
-    >>> float(Contractility(chi=0.3).derivatives(3.0, 1.0, 1)[1])
+    >>> float(Saturating(chi=0.3, c_s=2.0).derivatives(2.0, 1.0, 1)[0])
     0.3
     """
 
-    chi: float = number(0.0, "contractility per filament", "M L^2/(T^2 N)")
-    name = "contractility"
+    chi: float = number(0.0, "contractility per filament where filaments are few", CONTRACTILITY)
+    c_s: float = number(1.0, "concentration at which half of it is left", "N/L^2", gt=0)
+    name = "saturating"
 
     def __post_init__(self) -> None:
         validate(self, "stress")
 
     def value(self, c: Any, c_r: Any) -> Any:
         """See Stress.value."""
-        return self.chi * c
+        return self.chi * c / (1.0 + c / self.c_s)
 
 
-NAMED_STRESSES: dict[str, type[Stress]] = {"none": NoStress, "contractility": Contractility}
+NAMED_STRESSES: dict[str, type[Stress]] = {"none": NoStress, "saturating": Saturating}
 
 
 class CustomStress(FromExpression, Stress):
@@ -136,17 +140,17 @@ class StressField:
 
 
 def isotropic_stress(
-    active: Stress, c: ArrayLike, alpha: Any, c_r: ArrayLike, order: int
+    active: Stress, c: ArrayLike, slope: Any, c_r: ArrayLike, order: int
 ) -> tuple[Array, ...]:
-    """tau and its derivatives, to `order`: elastic resistance -alpha c plus the active stress.
+    """tau and its derivatives, to `order`: `slope` c, slope = chi - alpha, plus the active stress.
 
     SI `surfaceStressAlpha` without its viscous part.
     """
     c = c if isinstance(c, Traced) else np.asarray(c)
-    slopes = (-alpha, *[0.0] * order)[:order]
-    tau = -alpha * c
-    elastic = (tau, *(slope + np.zeros_like(tau) for slope in slopes))
+    tau = slope * c
+    slopes = (slope, *[0.0] * order)[:order]
+    linear = (tau, *(s + np.zeros_like(tau) for s in slopes))
     if isinstance(active, NoStress):
-        return elastic
+        return linear
     found = active.derivatives(c, c_r, order)
-    return tuple(e + a for e, a in zip(elastic, found, strict=True))
+    return tuple(e + a for e, a in zip(linear, found, strict=True))

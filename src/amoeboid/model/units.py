@@ -25,6 +25,7 @@ _CUSTOMARY = {
     "M/(L^2 T)": "Pa s/um",
     "M L/T": "pN s",
     "M L^2/T": "pN um s",
+    "M L^2/T^2": "pN um",
     "M L^2/T^3": "aW",
 }
 # Signs of print, and blanks of any width, as the keyboard has them.

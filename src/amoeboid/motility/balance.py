@@ -13,8 +13,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.motility.environments import Environment, joint
-from amoeboid.motility.surfaces import RIGID, Surroundable
+from amoeboid.motility.environments import Environment
+from amoeboid.motility.surfaces import (
+    CORTEX,
+    NORMAL,
+    RIGID,
+    TANGENTIAL,
+    WAYS,
+    Surroundable,
+)
 from amoeboid.validation import InvalidInput
 
 # Rigid motions that meet less drag than this share of the largest, in units of the size of the
@@ -90,3 +97,25 @@ def motion(surface: Surroundable, environment: Environment) -> Motion:
     error = float(np.linalg.norm(answer(differences)[:3]))
     error += surface.mesh_error * float(np.linalg.norm(speeds[:3]))
     return Motion(speeds[:3], speeds[3:], resistance, taken, towing, surface.front, error)
+
+
+def joint(parts: tuple[Environment, ...], surface: Surroundable) -> tuple[Array, Array]:
+    """Power (9, 9) that environments take up together, with their shares in it, and free motions.
+
+    The last three ways are scaled by what each of them feels.
+    """
+    power, held = np.zeros((WAYS, WAYS)), []
+    for part in parts:
+        felt = np.ones(WAYS)
+        felt[[TANGENTIAL, NORMAL, CORTEX]] = part.felt(surface)
+        found = np.asarray(part.dissipation(surface), dtype=float)
+        if found.shape != (WAYS, WAYS) or not np.isfinite(found).all():
+            raise InvalidInput(
+                f"the dissipation of an environment must be a matrix ({WAYS}, {WAYS}) of finite "
+                f"numbers, {type(part).__name__} gave shape {found.shape}"
+            )
+        power += felt[:, None] * found * felt
+        free = part.free(surface)
+        held.append(np.eye(RIGID) - free.T @ free)
+    sizes, motions = np.linalg.eigh(np.sum(held, axis=0))
+    return power, motions[:, sizes < 1e-9].T

@@ -13,7 +13,7 @@ from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centr
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
 from amoeboid.motility.triangulated import TriangulatedSurface
-from amoeboid.observables import center_velocity, polarization
+from amoeboid.observables import CellOnMesh, center_velocity, polarization
 from amoeboid.validation import InvalidInput
 
 
@@ -25,7 +25,8 @@ def surface_of(cell: Any) -> Surroundable:
     if isinstance(cell, MeasuredCell):
         return cell.surface
     if hasattr(cell, "faces") and hasattr(cell, "v_c"):
-        return _of_mesh(cell)
+        turning = cell.state.angular_velocity
+        return surface_of_mesh(cell, np.zeros(3) if turning is None else turning)
     if hasattr(cell, "shape") and hasattr(cell, "tangents"):
         return RevolvedSurface(cell)
     raise InvalidInput(
@@ -34,11 +35,9 @@ def surface_of(cell: Any) -> Surroundable:
     )
 
 
-def _of_mesh(cell: Any) -> TriangulatedSurface:
-    turning = cell.state.angular_velocity
-    rest = center_velocity(cell) + (
-        np.zeros_like(cell.x) if turning is None else np.cross(turning, cell.x)
-    )
+def surface_of_mesh(cell: CellOnMesh, turning: Array) -> TriangulatedSurface:
+    """The surface of a 3D cell whose shape rotates with an angular velocity (3,) [1/T]."""
+    rest = center_velocity(cell) + np.cross(turning, cell.x)
     front = front_of(polarization(cell))
     return TriangulatedSurface(
         cell.x, cell.faces, cell.v - rest, UPWARD if front is None else front,

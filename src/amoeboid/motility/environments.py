@@ -17,7 +17,7 @@ the cell, is a class with one method:
 from __future__ import annotations
 
 import math
-import re
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
@@ -27,11 +27,7 @@ from amoeboid.arrays import Array
 from amoeboid.display import short_repr
 from amoeboid.model.units import Units, measured
 from amoeboid.motility.surfaces import (
-    CORTEX,
-    NORMAL,
     RIGID,
-    TANGENTIAL,
-    WAYS,
     Points,
     Surroundable,
 )
@@ -80,8 +76,16 @@ class Environment:
 
         Raises InvalidInput for a quantity without units of the cell, and the other way round.
         """
+        return self._with(units, _number)
+
+    def settled(self, units: Units | None) -> Environment:
+        """The same, with numbers left as they are: those of a run are in its own units."""
+        return self._with(units, _number_or_kept)
+
+    def _with(self, units: Units | None, convert: Callable[..., float]) -> Environment:
+        """This environment with `convert`ed values of the fields that have a dimension."""
         changes = {
-            f.name: _number(f"{self.name}.{f.name}", getattr(self, f.name), f.metadata, units)
+            f.name: convert(f"{self.name}.{f.name}", getattr(self, f.name), f.metadata, units)
             for f in fields(self)
             if "dimension" in f.metadata
         }
@@ -117,6 +121,19 @@ def _number(label: str, given: Any, about: Any, units: Units | None) -> float:
     if not (math.isfinite(value) and value >= 0.0):
         raise InvalidInput(f"{label} must be >= 0 and finite, got {given!r}")
     return value
+
+
+def _number_or_kept(label: str, given: Any, about: Any, units: Units | None) -> float:
+    plain = isinstance(given, int | float | np.number) and not isinstance(given, bool)
+    return _number(label, given, about, None if plain else units)
+
+
+def _three(given: Any) -> Array:
+    """Numbers of a vector, or none where they are no numbers."""
+    try:
+        return np.asarray(given, dtype=float).ravel()
+    except (TypeError, ValueError):
+        return np.zeros(0)
 
 
 def _check_share(share: Any) -> None:
@@ -169,12 +186,12 @@ class Matrix(Environment):
     per_filament: bool = False
     name: ClassVar[str] = "matrix"
 
-    def of(self, units: Units | None) -> Matrix:
-        """This matrix with numbers in these units."""
+    def _with(self, units: Units | None, convert: Callable[..., float]) -> Matrix:
+        """This matrix with `convert`ed drags."""
         about = _dimensional(FRICTION, SOFT)
         given = self.tangential if self.normal is None else self.normal
-        tangential = _number("matrix.tangential", self.tangential, about, units)
-        normal = _number("matrix.normal", given, about, units)
+        tangential = convert("matrix.tangential", self.tangential, about, units)
+        normal = convert("matrix.normal", given, about, units)
         if tangential == 0.0 == normal:
             raise InvalidInput("a matrix must drag somehow, got tangential = normal = 0")
         return replace(self, tangential=tangential, normal=normal)
@@ -259,7 +276,7 @@ class Patch(Contact):
         super().__post_init__()
         _check_angle(f"{self.name}.half_angle", self.half_angle, 90.0)
         if self.axis is not None:
-            found = np.asarray(self.axis, dtype=float).ravel()
+            found = _three(self.axis)
             if found.size != 3 or not np.isfinite(found).all() or not np.any(found):
                 raise InvalidInput(
                     f"{self.name}.axis must be three finite numbers, not all zero, got "
@@ -353,9 +370,9 @@ class Mixed(Environment):
         """The environments that act at once."""
         return self.given  # type: ignore[attr-defined]
 
-    def of(self, units: Units | None) -> Mixed:
-        """The same with numbers in these units."""
-        return Mixed(*(part.of(units) for part in self.parts))
+    def _with(self, units: Units | None, convert: Callable[..., float]) -> Mixed:
+        """The same with `convert`ed values in each part."""
+        return Mixed(*(part._with(units, convert) for part in self.parts))
 
     def __repr__(self) -> str:
         return f"Mixed({', '.join(map(repr, self.parts))})"
@@ -368,87 +385,3 @@ class Mixed(Environment):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Mixed, self.parts
-
-
-ENVIRONMENTS: dict[str, type[Environment]] = {
-    kind.name: kind for kind in (Fluid, Matrix, Patch, Plates, Channel, CortexDrag)
-}
-"""The environments that a word stands for; `environment` reads them."""
-
-# The field that stands behind the first colon of a word, without a name.
-FIRST_FIELD = {
-    "fluid": "viscosity",
-    "matrix": "tangential",
-    "patch": "half_angle",
-    "plates": "half_angle",
-    "channel": "half_width",
-    "cortex": "friction",
-}
-
-
-def environment(text: str) -> Environment:
-    """The environment that a text means: `fluid`, `patch:30`, `matrix:normal=2+fluid`.
-
-    Values stand behind colons, with the names of their fields; the first needs none. Several at
-    once are joined by `+`. Raises InvalidInput.
-
-    >>> environment("patch:30")
-    Patch(coupled=1.0, friction=None, half_angle=30.0, axis=None)
-    """
-    parts = [_one(part.strip(), text) for part in re.split(r"\+(?=\s*[a-z])", text)]
-    return parts[0] if len(parts) == 1 else Mixed(*parts)
-
-
-def _one(text: str, whole: str) -> Environment:
-    name, *values = (part.strip() for part in text.split(":"))
-    if name not in ENVIRONMENTS:
-        raise InvalidInput(
-            f"an environment must be one of {', '.join(ENVIRONMENTS)}, such as patch:30, got "
-            f"{whole!r}"
-        )
-    kind = ENVIRONMENTS[name]
-    known = {f.name: f for f in fields(kind) if f.name != "axis"}
-    given: dict[str, Any] = {}
-    for place, value in enumerate(values):
-        key, equals, said = value.partition("=")
-        if not equals and place == 0:
-            key, said = FIRST_FIELD[name], value
-        key = key.strip()
-        if key not in known or not said.strip():
-            raise InvalidInput(
-                f"{name} takes {', '.join(known)}, as in {name}:{FIRST_FIELD[name]}=..., got "
-                f"{value!r} in {whole!r}"
-            )
-        given[key] = _value(said.strip())
-    return kind(**given)
-
-
-def _value(text: str) -> Any:
-    if text in ("true", "false"):
-        return text == "true"
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def joint(parts: tuple[Environment, ...], surface: Surroundable) -> tuple[Array, Array]:
-    """Power (9, 9) that environments take up together, with their shares in it, and free motions.
-
-    The last three ways are scaled by what each of them feels.
-    """
-    power, held = np.zeros((WAYS, WAYS)), []
-    for part in parts:
-        felt = np.ones(WAYS)
-        felt[[TANGENTIAL, NORMAL, CORTEX]] = part.felt(surface)
-        found = np.asarray(part.dissipation(surface), dtype=float)
-        if found.shape != (WAYS, WAYS) or not np.isfinite(found).all():
-            raise InvalidInput(
-                f"the dissipation of an environment must be a matrix ({WAYS}, {WAYS}) of finite "
-                f"numbers, {type(part).__name__} gave shape {found.shape}"
-            )
-        power += felt[:, None] * found * felt
-        free = part.free(surface)
-        held.append(np.eye(RIGID) - free.T @ free)
-    sizes, motions = np.linalg.eigh(np.sum(held, axis=0))
-    return power, motions[:, sizes < 1e-9].T

@@ -7,6 +7,7 @@
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
     checkpoint.npz       what `--resume` goes on from
+    .lock                while a process writes to the folder, see `amoeboid.output.lock`
 
 Files are written under a temporary name and renamed, so that a killed run leaves none of them
 half-written. Time series and list of frames grow in place by what is new, at a cost that does not
@@ -36,9 +37,12 @@ from amoeboid.config import (
 )
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.units import Units
-from amoeboid.output.atomic import remove_partial, text_of, write_atomically, write_text
+from amoeboid.output.atomic import remove_partial, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
 from amoeboid.output.frames import FrameFiles, write_initial
+from amoeboid.output.lock import FolderLock
+from amoeboid.output.reading import checked as checked_file
+from amoeboid.output.reading import text_in, within
 from amoeboid.output.timeseries import TimeSeriesFile
 from amoeboid.output.versions import installed_versions
 from amoeboid.simulation.dense_output import Schedule
@@ -48,6 +52,16 @@ from amoeboid.simulation.step import Step
 from amoeboid.simulation.writers import checked, finish, take
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
+
+FORMAT = 1
+"""Version of what a folder holds, as its manifest tells. It rises when an older program would read
+something wrong, or not at all; folders without it are of version 1."""
+
+MAX_LISTED = 100_000
+"""Frames that the manifest lists; of more, frames.pvd does."""
+
+MAX_WORDS = 2000
+"""Characters of a text of the manifest."""
 
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
@@ -79,6 +93,7 @@ class RunFolder:
         self.writers = (self.series, self.frames, *checked(writers), self.checkpoint)
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
         self._last: Step | None = None
+        self._lock = FolderLock(folder)
 
     @property
     def begun(self) -> bool:
@@ -106,8 +121,13 @@ class RunFolder:
     def begin(self) -> None:
         """Write the configuration and a manifest that says the run is under way.
 
-        What a run that was killed left half-written is removed.
+        What a run that was killed left half-written is removed. From here on until the end of the
+        run, no other process may begin in this folder: raises InvalidInput where one has.
         """
+        frames = within(self.folder, "frames")
+        if frames.exists() and not frames.is_dir():
+            raise InvalidInput(f"{str(frames)!r} must be a folder, or not be there; remove it")
+        self._lock.take()
         remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
         self.write_manifest("running")
@@ -144,11 +164,20 @@ class RunFolder:
             with suppress(OSError):
                 self.write_manifest("interrupted" if interrupted else "failed", ended=why, t=t)
             raise
+        finally:
+            self._lock.release()
 
     def write_manifest(self, status: str, **more: Any) -> None:
-        """Write manifest.json; `status` is running, finished, interrupted, diverged or failed."""
+        """Write manifest.json; `status` is running, finished, interrupted, diverged or failed.
+
+        With any other status than running, the folder is free for another process.
+        """
         frames, sizes = self.frames.list_anew(), self.config.parameters.units
+        listed = {} if len(frames) > MAX_LISTED else {
+            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in frames]
+        }  # fmt: skip
         manifest = {
+            "format": FORMAT,
             "status": status,
             **more,
             "parameters": self.config.parameters.as_dict(),
@@ -160,9 +189,11 @@ class RunFolder:
             "versions": installed_versions(),
             "python": platform.python_version(),
             "platform": platform.platform(),
-            "frames": [{"t": t, "file": f"frames/{name}"} for t, name in frames],
+            **listed,
         }
         write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
+        if status != "running":
+            self._lock.release()
 
 
 def new_folder(requested: Path | None) -> Path:
@@ -253,7 +284,7 @@ def stored_config(folder: Path) -> Config:
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    config = config_from_toml(text_of(path), repr(str(path)))
+    config = config_from_toml(text_in(folder, "config.toml"), repr(str(path)))
     units = _unit_sizes(stored_manifest(folder))
     return replace(config, parameters=replace(config.parameters, units=units))
 
@@ -290,7 +321,7 @@ def resumed_run(
     run = RunFolder(folder, config, writers, observe)
     manifest = stored_manifest(folder)
     try:
-        saved = read_checkpoint(folder / "checkpoint.npz")
+        saved = read_checkpoint(checked_file(folder, "checkpoint.npz"))
         run.series.continued(saved.step, stored_units(manifest))
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
@@ -306,12 +337,45 @@ def resumed_run(
 
 
 def stored_manifest(folder: Path) -> dict[str, Any]:
-    """What the manifest of a stored run says, empty if it cannot be read."""
+    """What the manifest of a stored run says, empty if it is missing or damaged.
+
+    Raises InvalidInput for a folder of a newer version, and for a manifest that is too large or
+    leads out of the folder.
+    """
     try:
-        found = json.loads(text_of(folder / "manifest.json"))
-    except (OSError, ValueError, RecursionError):
+        text = text_in(folder, "manifest.json")
+    except OSError:
         return {}
-    return found if isinstance(found, dict) else {}
+    try:
+        found = json.loads(text)
+    except (ValueError, RecursionError):
+        return {}
+    found = found if isinstance(found, dict) else {}
+    _check_format(folder, found)
+    return found
+
+
+def _check_format(folder: Path, manifest: dict[str, Any]) -> None:
+    given = manifest.get("format", 1)
+    if isinstance(given, bool) or not isinstance(given, int) or given < 1:
+        raise InvalidInput(
+            f"the format in the manifest of {str(folder)!r} must be a whole number >= 1, got "
+            f"{str(given)[:40]}"
+        )
+    if given > FORMAT:
+        versions = manifest.get("versions")
+        by = versions.get("amoeboid") if isinstance(versions, dict) else None
+        raise InvalidInput(
+            f"the format of a run must be at most {FORMAT} for this version of amoeboid, that of "
+            f"{str(folder)!r} is {str(given)[:40]}, written by amoeboid {str(by)[:40]}; install "
+            "that version, or a newer one"
+        )
+
+
+def told(manifest: dict[str, Any], name: str, instead: str) -> str:
+    """A text of a manifest; `instead` where it has none."""
+    found = manifest.get(name)
+    return found[:MAX_WORDS] if isinstance(found, str) else instead
 
 
 def stored_units(manifest: dict[str, Any]) -> dict[str, str | None]:
@@ -344,7 +408,7 @@ def _adapted(manifest: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
-    for section in ("parameters", "mesh", "initial", "changes", "cue"):
+    for section in ("parameters", "mesh", "initial", "changes", "cue", "environment"):
         before, now = made_with.section(section), wanted.section(section)
         for name in {**before, **now}:
             was, is_ = before.get(name), now.get(name)

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import csv
 import io
-import itertools
 import math
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from amoeboid.config import Config
 from amoeboid.output.atomic import GrowingFile
+from amoeboid.output.reading import checked
 from amoeboid.simulation.rows import WHOLE, Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import STEP_UNITS, TimeSeries
 from amoeboid.validation import InvalidInput
+
+MAX_COLUMNS = 1000
+MAX_WORDS = 1000  # characters of a message
 
 
 class TimeSeriesFile(TimeSeries):
@@ -55,41 +58,45 @@ class TimeSeriesFile(TimeSeries):
 
         Raises InvalidInput, OSError.
         """
-        columns, rows = read_table(self.path, last)
-        self.rows = Rows(rows)
+        columns, rows = read_table(checked(self.path.parent, self.path.name), last)
+        self.rows = rows
         known = units | self.units
         self.units = {name: known.get(name) for name in (*columns, *self.units)}
 
 
-def read_table(path: Path, last: Step | None = None) -> tuple[list[str], list[Row]]:
+def read_table(path: Path, last: Step | None = None) -> tuple[list[str], Rows]:
     """Columns and rows of a time series, up to a step if one is given.
 
     What comes after that step is not read: a run that was killed may have left half a row; without
     a step the last row is left out if it is not whole. Raises InvalidInput unless the rows are
     those of a run, OSError.
     """
-    rows: list[Row] = []
+    rows, before = Rows(), (-math.inf, -math.inf)
     try:
         with path.open(encoding="utf-8", newline="") as file:
             table = csv.reader(file, strict=True)
             columns = next(table, [])
-            if not set(STEP_UNITS) <= set(columns) or len(set(columns)) != len(columns):
+            known = set(STEP_UNITS) <= set(columns) and len(set(columns)) == len(columns)
+            if not known or len(columns) > MAX_COLUMNS:
                 raise ValueError(f"its columns are not {', '.join(STEP_UNITS)} and observables")
             for line in table:
                 if len(line) != len(columns):
-                    raise ValueError(f"its columns are not {', '.join(columns)}")
-                rows.append(_row(columns, line))
-                if last is not None and rows[-1]["step"] == last.number:
+                    raise ValueError(f"its columns are not {', '.join(columns)[:MAX_WORDS]}")
+                row = _row(columns, line)
+                place = _place(row)
+                if any(a >= b for a, b in zip(before, place, strict=True)):
+                    raise InvalidInput("the rows of timeseries.csv must be in the order of time")
+                rows.append(row)
+                before = place
+                if last is not None and row["step"] == last.number:
                     break
-    except (ValueError, csv.Error) as error:
+    except InvalidInput:
+        raise
+    except (ValueError, OverflowError, csv.Error) as error:
         if last is not None or not rows:
             raise InvalidInput(
                 f"timeseries.csv must be a table as a run writes it: {error}"
             ) from None
-    if not all(math.isfinite(x) for row in rows for x in row.values()):
-        raise InvalidInput("timeseries.csv must hold finite numbers")
-    if any(a["step"] >= b["step"] or a["t"] >= b["t"] for a, b in itertools.pairwise(rows)):
-        raise InvalidInput("the rows of timeseries.csv must be in the order of time")
     if last is not None and (not rows or _place(rows[-1]) != (last.number, last.state.t)):
         raise InvalidInput(f"timeseries.csv lacks step {last.number} of the checkpoint")
     return columns, rows
@@ -100,12 +107,15 @@ def _place(row: Row) -> tuple[float, float]:
 
 
 def _row(columns: Sequence[str], line: Sequence[str]) -> Row:
-    """The numbers of a line; an empty cell of an observable is none."""
-    return {
+    """The numbers of a line; an empty cell of an observable is none. Raises ValueError."""
+    row = {
         name: int(cell) if name in WHOLE else float(cell)
         for name, cell in zip(columns, line, strict=True)
         if cell or name in STEP_UNITS
     }
+    if not all(map(math.isfinite, row.values())):
+        raise InvalidInput("timeseries.csv must hold finite numbers")
+    return row
 
 
 def _table(columns: Sequence[str], rows: Sequence[Row]) -> str:

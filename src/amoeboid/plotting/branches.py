@@ -343,6 +343,12 @@ SYMBOLS = {
     "D": "diffusion coefficient $D$",
     "v_p0": "polymerization speed $v_p^0$",
     "alpha": r"elastic resistance $\alpha$",
+    "chi": r"contractility $\chi$",
+    "kappa": r"bending stiffness $\kappa$",
+    "gamma_t": r"friction along the surface $\gamma_t$",
+    "gamma_n": r"friction along the normal $\gamma_n$",
+    "gamma_c": r"friction of the cortex $\gamma_c$",
+    "gamma_share": "share of the friction that follows $c$",
     "max_retrograde_speed": "maximal retrograde speed $v_0$",
 }
 

@@ -12,7 +12,7 @@ from amoeboid.plotting.trajectory import along_principal_axes
 from amoeboid.runs.analysis import POWER, Kymograph, Spectrum, axis
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
-from amoeboid.simulation.timeseries import POSITION
+from amoeboid.simulation.timeseries import position_columns
 from amoeboid.studies.columns import column, unit
 
 MIN_POWER = 1e-10  # of the largest; below it is rounding of the least squares
@@ -34,10 +34,11 @@ def draw(run: Run, ax: Any = None, observable: str = "max_retrograde_speed") -> 
 
 
 def draw_trajectory(run: Run, ax: Any = None) -> Any:
-    """The way of a cell with all drag on its cortex, in the plane that holds most of it."""
+    """The way of a cell in the environment of its run, in the plane that holds most of it."""
     axes, columns = axes_for(ax), run.columns
-    way = along_principal_axes(np.stack([columns[n].values for n in POSITION], axis=1))
-    t, length = columns["t"], columns[POSITION[0]].unit
+    names = position_columns(columns)
+    way = along_principal_axes(np.stack([columns[n].values for n in names], axis=1))
+    t, length = columns["t"], columns[names[0]].unit
     axes.plot(way[:, 0], way[:, 1], color=GRAY, lw=0.8)
     image = axes.scatter(way[:, 0], way[:, 1], c=t.values, s=9, cmap=COLOR_MAP, zorder=3)
     axes.plot(*way[0, :2], "o", color=INK, ms=6, zorder=4)

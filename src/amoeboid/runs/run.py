@@ -12,13 +12,16 @@ from amoeboid.arrays import Array
 from amoeboid.config import Config
 from amoeboid.display import html_picture, html_table, outside, plotted, shown
 from amoeboid.model.parameters import Parameters
+from amoeboid.observables import observed
+from amoeboid.observables import units as units_of
 from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
-from amoeboid.simulation.timeseries import POSITION, STEP_UNITS
+from amoeboid.simulation.timeseries import STEP_UNITS, position_columns
 from amoeboid.simulation.timeseries import column as column_of
 from amoeboid.studies.columns import Column, column, dataset, frame, quantity
+from amoeboid.studies.recorded import Recorded, along, optional, single, title
 from amoeboid.validation import InvalidInput
 
 
@@ -96,12 +99,16 @@ class Run:
 
     @property
     def trajectory(self) -> Any:
-        """Positions (T, 3) [L] at the times `t`, if all drag is on the cortex, uniformly."""
+        """Positions (T, 3) [L] at the times `t`, in the environment of the run.
+
+        Without one, those with all drag on the cortex, uniformly.
+        """
         return quantity(self.parameters, self._positions, "L")
 
     @property
     def _positions(self) -> Array:
-        parts = [column_of(self.rows, self.units, name) for name in POSITION]
+        names = position_columns(self.units)
+        parts = [column_of(self.rows, self.units, name) for name in names]
         return np.stack(parts, axis=1)
 
     @property
@@ -175,6 +182,34 @@ class Run:
     def to_xarray(self) -> Any:
         """The time series as an xarray.Dataset over t, each variable with its unit."""
         return dataset(self.columns, "t", ["t"], status=self.status, ended=self.ended)
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run came to an end of its own."""
+        return self.status == "finished"
+
+    @property
+    def problems(self) -> tuple[str, ...]:
+        """What stopped a run that did not come to an end."""
+        return () if self.complete else (f"{self.status}: {self.ended}",)
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: the cell at the end; if asked for, the time series (`series_t`)."""
+        dimensions = units_of()
+        cell = {name: (v, dimensions[name]) for name, v in observed(self.final.cell).items()}
+        row = self.rows[-1] if self.rows else {"t": None, "step": None}
+        numbers = cell | {
+            "t": (row["t"], "T"),
+            "steps": (row["step"], None),
+            "steady": (self.steady, None),
+            "growth_rate": (self.last.growth, "1/T"),
+            "growth_rate_error": (self.last.growth_error, "1/T"),
+        }
+        words = {"stability": self.stability, "ended": self.ended}
+        found = single(self.parameters, numbers)
+        found |= {name: Recorded(word, title=title(name)) for name, word in words.items()}
+        series = self.columns if "t" in self.units else {}
+        return found | optional(along("step", series, "series_"))
 
     def plot(self, ax: Any = None, observable: str | None = None) -> Any:
         """Draw a column of the time series over time. Takes and returns axes.

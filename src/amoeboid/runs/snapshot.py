@@ -9,8 +9,9 @@ from typing import Any
 from amoeboid.display import html_picture, html_table, plotted, shown
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.parameters import Parameters
-from amoeboid.observables import OBSERVABLES, Measured, retrograde_flow
+from amoeboid.observables import OBSERVABLES, Measured, observed, retrograde_flow, units
 from amoeboid.studies.columns import quantity
+from amoeboid.studies.recorded import Recorded, single
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
@@ -76,6 +77,11 @@ class Snapshot(Measured):
     def as_initial(self, mesh: Any = None) -> InitialCell:
         """This cell as the initial condition of another run, on the mesh that it has."""
         return InitialCell(self.state.r, self.cell.faces, self.state.c, self.state.zeta0)
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: the observables."""
+        found, dimensions = observed(self.cell), units()
+        return single(self.parameters, {name: (v, dimensions[name]) for name, v in found.items()})
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the cell from the side, colored by c, front to the left. Takes and returns axes."""

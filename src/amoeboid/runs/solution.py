@@ -14,6 +14,7 @@ from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.folder import RunFolder, new_folder, new_run
 from amoeboid.runs.advance import (
+    INTERRUPTED,
     FramesInMemory,
     Record,
     advance,
@@ -21,6 +22,7 @@ from amoeboid.runs.advance import (
     summary,
 )
 from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.meshes import Icosphere, placed_on
 from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
@@ -29,6 +31,7 @@ from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import declared, times_of
 from amoeboid.simulation.loop import start
+from amoeboid.simulation.path import recorded
 from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import TimeSeries
@@ -116,6 +119,7 @@ def simulate(
     progress: Any = None,
     changes: Mapping[str, Any] | None = None,
     cue: Any = None,
+    environment: Any = None,
 ) -> Solution:
     """Simulate the 3D cell; without arguments the run of figure 3D, as `amoeboid run` does.
 
@@ -128,12 +132,15 @@ def simulate(
     `folder`: where to write the run, as the command does. `writers`: your own, see
     `amoeboid.simulation.writers`. `observe`: names of the observables of the time series, all of
     them if None. `changes`: parameters that change in time, such as `{"v_p0": steps((5, 0))}`;
-    `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `progress`: None shows a
+    `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `environment`: where the
+    cell migrates, such as `Fluid()` or "patch:30"; its path is recorded there, see
+    docs/motility.md. `progress`: None shows a
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
-    The solution of a run that cannot go on has the status "diverged"; its steps are good. Raises
-    InvalidInput.
+    The solution of a run that cannot go on has the status "diverged"; its steps are good. Ctrl-C
+    ends a run after the present step with a KeyboardInterrupt that has the run up to there as
+    `solution`; a second one ends it at once. Raises InvalidInput.
     """
     check_progress(progress)
     config = parameters if isinstance(parameters, Config) else Config()
@@ -146,6 +153,11 @@ def simulate(
         config = replace(config, changes=Changes(changes))
     if cue is not None:
         config = replace(config, cue=cue)
+    if environment is not None:
+        config = replace(config, environment=environment)
+    if recorded(config.environment):
+        settled = config.environment.settled(config.parameters.units)
+        config = replace(config, environment=settled)
     if times is not None:
         at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))
@@ -205,9 +217,13 @@ def _solved(
     observe: tuple[str, ...] | None,
     cell: InitialCell | None,
 ) -> Solution:
-    """The solution of a run that is made now."""
+    """The solution of a run that is made now. Raises Interrupted, which has it, after Ctrl-C."""
     time = resolved(config).time
-    with wanted(progress, first.state.t, time.end) as report:
+    with (
+        interruptible_from_python() as interruption,
+        wanted(progress, first.state.t, time.end) as report,
+    ):
+        events = [*events, interruption]
         if isinstance(into, RunFolder):
             outcome, _ = advance_in_folder(into, first, events, report)
             rows, units = into.rows, into.units
@@ -215,7 +231,10 @@ def _solved(
         else:
             outcome = advance(into, first, time, events, report)
             rows, units, frames = into.series.rows, into.series.units, into.frames.kept
-    return Solution(
+    solution = Solution(
         config, rows, units, frames, outcome.last, outcome.status, outcome.ended, observe, cell,
         first.adapted,
     )  # fmt: skip
+    if solution.status == INTERRUPTED:
+        raise Interrupted(solution)
+    return solution

@@ -21,6 +21,7 @@ from amoeboid.observables import OBSERVABLES, cortex_drag_velocity, polarization
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.studies.columns import physical_number, quantity, text
+from amoeboid.studies.recorded import Recorded, single, title
 from amoeboid.studies.states import SteadyState, steady_states
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
@@ -175,6 +176,20 @@ class SteadyCell(Snapshot):
         """The cell, and its growth rate if that was asked for, which takes longest."""
         known = {name: self.__dict__[name] for name in ("_growth",) if name in self.__dict__}
         return {**super().__getstate__(), **known}
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: the observables, the path and the stability."""
+        numbers: dict[str, tuple[Any, str | None]] = {
+            "turning": (self._turning, "1/T"),
+            "radius_of_curvature": (self.number("radius_of_curvature"), "L"),
+            "torsion": (self.number("torsion"), "1/L"),
+            "growth_rate": (self._growth.rate, "1/T"),
+            "growth_rate_error": (self._growth.error, "1/T"),
+            "residual": (self.residual, None),
+        }
+        words = {"path": self.path, "stability": self.stability}
+        found = super().recorded() | single(self.parameters, numbers)
+        return found | {name: Recorded(word, title=title(name)) for name, word in words.items()}
 
     def number(self, name: str) -> float:
         """An observable, or a number of `PATH`, as a plain number in the units of the solver."""

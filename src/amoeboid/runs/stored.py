@@ -2,29 +2,38 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, overload
 
 from amoeboid.config import Config, resolved
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
-from amoeboid.output.atomic import text_of
 from amoeboid.output.checkpoint import read_checkpoint
-from amoeboid.output.folder import resumed_run, stored_config, stored_manifest, stored_units
+from amoeboid.output.folder import (
+    resumed_run,
+    stored_config,
+    stored_manifest,
+    stored_units,
+    told,
+)
 from amoeboid.output.frame_reader import read_frame
+from amoeboid.output.reading import checked, text_in, within
 from amoeboid.output.timeseries import read_table
-from amoeboid.runs.advance import advance_in_folder
+from amoeboid.runs.advance import INTERRUPTED, advance_in_folder
 from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.events import declared
-from amoeboid.simulation.rows import Row
+from amoeboid.simulation.rows import Rows
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
 
@@ -50,7 +59,13 @@ class StoredFrames(Sequence[Snapshot]):
         """A frame, read now; of a slice, frames that are read later. Raises InvalidInput."""
         if isinstance(index, slice):
             return StoredFrames(self.folder, self.config, self.entries[index])
-        path = self.folder / "frames" / self.entries[index][1]
+        name = f"frames/{self.entries[index][1]}"
+        try:
+            path = checked(self.folder, name)
+        except OSError as error:
+            raise InvalidInput(
+                f"the frame {str(self.folder / name)!r} cannot be read: {error.strerror}"
+            ) from None
         found = read_frame(path, self.config.parameters, self.config.inputs)
         return Snapshot(found.model, found.state, found.flow)
 
@@ -85,23 +100,25 @@ class StoredRun(Run):
 
     @cached_property
     def manifest(self) -> dict[str, Any]:
-        """What manifest.json says: status, versions, summary; empty if it cannot be read."""
+        """What manifest.json says: status, versions, summary; empty if it is damaged.
+
+        Raises InvalidInput for a folder that a newer version has written.
+        """
         return stored_manifest(self.folder)
 
     @cached_property
-    def _table(self) -> tuple[dict[str, str | None], list[Row]]:
-        path = self.folder / "timeseries.csv"
-        if not path.is_file():
-            return {}, []
+    def _table(self) -> tuple[dict[str, str | None], Rows]:
         try:
-            columns, rows = read_table(path)
+            columns, rows = read_table(checked(self.folder, "timeseries.csv"))
+        except FileNotFoundError:
+            return {}, Rows()
         except (OSError, InvalidInput) as error:
             raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
         units = stored_units(self.manifest)
         return {name: units.get(name) for name in columns}, rows
 
     @property
-    def rows(self) -> list[Row]:
+    def rows(self) -> Rows:
         """The rows of the time series in plain numbers."""
         return self._table[1]
 
@@ -113,9 +130,16 @@ class StoredRun(Run):
     @cached_property
     def frames(self) -> StoredFrames:
         """The frames, each read when it is asked for."""
-        path = self.folder / "frames.pvd"
-        entries = _ENTRY.findall(text_of(path)) if path.is_file() else []
-        kept = [(float(t), n) for t, n in entries if (self.folder / "frames" / n).is_file()]
+        try:
+            entries = _entries(text_in(self.folder, "frames.pvd"))
+            there = set(os.listdir(within(self.folder, "frames"))) if entries else set()
+        except FileNotFoundError:
+            entries, there = [], set()
+        except OSError as error:
+            raise InvalidInput(
+                f"the frames of {str(self.folder)!r} cannot be read: {error}"
+            ) from None
+        kept = [(t, name) for t, name in entries if name in there]
         return StoredFrames(self.folder, self.config, kept)
 
     @cached_property
@@ -128,7 +152,7 @@ class StoredRun(Run):
                 "one, or the file was removed"
             )
         try:
-            step = read_checkpoint(path).step
+            step = read_checkpoint(checked(self.folder, path.name)).step
         except (OSError, InvalidInput) as error:
             raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
         # a checkpoint holds plain numbers, the manifest the size of their units
@@ -138,12 +162,12 @@ class StoredRun(Run):
     @property
     def status(self) -> str:
         """How the run ended: "finished", "diverged", "interrupted", "failed", or "running"."""
-        return str(self.manifest.get("status", "unknown"))
+        return told(self.manifest, "status", "unknown")
 
     @property
     def ended(self) -> str:
         """Why the run ended, empty where it has not."""
-        return str(self.manifest.get("ended", ""))
+        return told(self.manifest, "ended", "")
 
     def resume(
         self,
@@ -155,7 +179,8 @@ class StoredRun(Run):
     ) -> StoredRun:
         """The run continued in its folder, as by `amoeboid run --resume`; gives it as it is then.
 
-        Raises InvalidInput where it cannot be read, or would end at once.
+        Raises InvalidInput where it cannot be read, or would end at once, and after Ctrl-C the
+        KeyboardInterrupt of `simulate`.
         """
         check_progress(progress)
         time, events = declared(self.config.time, until, self.parameters)
@@ -163,8 +188,13 @@ class StoredRun(Run):
         run, first = resumed_run(self.folder, config, writers, observe)
         check_continues(first, resolved(config).time, events)
         run.begin()
-        with wanted(progress, first.state.t, run.config.time.end) as report:
-            advance_in_folder(run, first, events, report)
+        with (
+            interruptible_from_python() as interruption,
+            wanted(progress, first.state.t, run.config.time.end) as report,
+        ):
+            outcome, _ = advance_in_folder(run, first, [*events, interruption], report)
+        if outcome.status == INTERRUPTED:
+            raise Interrupted(StoredRun(self.folder))
         return StoredRun(self.folder)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -184,6 +214,18 @@ class StoredRun(Run):
             return super()._repr_html_()
         except InvalidInput:
             return html_table(repr(self), [])
+
+
+def _entries(text: str) -> list[tuple[float, str]]:
+    """Times and names of the frames that a list names. Raises InvalidInput."""
+    found = _ENTRY.findall(text)
+    try:
+        times = [float(t) for t, _ in found]
+    except ValueError as error:
+        raise InvalidInput(f"the times in frames.pvd must be numbers: {error}") from None
+    if not all(map(math.isfinite, times)) or any(a >= b for a, b in pairwise(times)):
+        raise InvalidInput("frames.pvd must list frames in the order of time")
+    return list(zip(times, (name for _, name in found), strict=True))
 
 
 def load(folder: str | os.PathLike[str]) -> StoredRun:

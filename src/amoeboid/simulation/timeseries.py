@@ -8,9 +8,11 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.config import Config
+from amoeboid.motility.environments import Environment
 from amoeboid.observables import observed, selected
 from amoeboid.observables import units as observable_units
 from amoeboid.simulation.changes import input_units, input_values
+from amoeboid.simulation.path import MIGRATION, PATH_UNITS, path_values, recorded
 from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput, refuse_unknown
@@ -34,10 +36,13 @@ def column_units(
 ) -> dict[str, str | None]:
     """The columns of the time series and their dimensions; `observe` as of `selected`.
 
-    With those of the parameters that change in time by `config`. Raises InvalidInput for an
+    With those of the parameters that change in time by `config`, and of the path in its
+    environment. Raises InvalidInput for an
     observable that has the name of another column.
     """
     changing = {} if config is None else input_units(config)
+    if environment_of(config) is not None:
+        changing = PATH_UNITS | changing
     columns = [*STEP_UNITS, *(c for name, o in selected(observe).items() for c in o.columns(name))]
     columns += changing
     twice = [name for name in columns if columns.count(name) > 1]
@@ -47,6 +52,21 @@ def column_units(
             "time series; rename it"
         )
     return STEP_UNITS | observable_units(observe) | changing
+
+
+def environment_of(config: Config | None) -> Environment | None:
+    """The environment in which a run records its path; None if that is in every run.
+
+    Raises InvalidInput for quantities that the parameters have no units for.
+    """
+    if config is None or not recorded(config.environment):
+        return None
+    return config.environment.settled(config.parameters.units)
+
+
+def position_columns(columns: Iterable[str]) -> tuple[str, ...]:
+    """The columns of the position of a run: in its environment, or with drag on the cortex."""
+    return MIGRATION if set(MIGRATION) <= set(columns) else POSITION
 
 
 def row_of(step: Step, observe: Iterable[str] | None = None) -> Row:
@@ -89,6 +109,7 @@ class TimeSeries:
 
     def __init__(self, observe: Iterable[str] | None = None, config: Config | None = None) -> None:
         self.observe = None if observe is None else tuple(selected(observe))
+        self.environment = environment_of(config)
         self.units = column_units(self.observe, config)
         self.rows = Rows()
 
@@ -98,7 +119,11 @@ class TimeSeries:
 
     def write(self, step: Step) -> None:
         """Append the row of a step."""
-        self.rows.append(row_of(step, self.observe))
+        row = row_of(step, self.observe)
+        if self.environment is not None:
+            before = self.rows[-1] if self.rows else None
+            row |= path_values(step, self.environment, before)
+        self.rows.append(row)
 
     def finish(self, step: Step) -> None:
         """Append the last step unless it has its row."""

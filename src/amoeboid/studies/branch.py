@@ -34,6 +34,7 @@ from amoeboid.studies.columns import (
     value_of,
     with_units,
 )
+from amoeboid.studies.recorded import Recorded, along, optional, single
 from amoeboid.studies.states import SHOWN, SteadyState, states_columns, states_rows
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
@@ -186,6 +187,30 @@ class Branch:
             complete=int(self.complete),
             problems=list(self.problems),
         )
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: thresholds, folds and bifurcations, and the branch point by point.
+
+        Values of the parameter at a fold are under `fold_v_p0`, those along the branch under its
+        own name.
+        """
+        p, dimension = self.parameters, self.parameters.dimension(self.name)
+        special = {
+            f"threshold_{self.name}": ("threshold_number", self.origins),
+            f"fold_{self.name}": ("fold_number", [s.number for s in self.folds]),
+            f"bifurcation_{self.name}": (
+                "bifurcation_number",
+                [s.number for s in self.bifurcations],
+            ),
+        }
+        found = single(p, {"n_folds": (len(self.folds), None)})
+        for name, (dim, numbers) in special.items():
+            found |= along(dim, {name: column(p, np.array(numbers, dtype=float), dimension)})
+        modes = [-1 if s.m is None else s.m for s in self.bifurcations]
+        found |= optional(
+            along("bifurcation_number", {"bifurcation_m": Column(np.array(modes), "")})
+        )
+        return found | along("branch_point", self.columns)
 
     def plot(self, ax: Any = None, observable: str = "max_retrograde_speed") -> Any:
         """Draw an observable along the branch, solid where stable. Takes and returns axes.

@@ -96,14 +96,21 @@ def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:
     unit. Raises InvalidInput, also for a value that the parameter cannot have.
     """
     shown, dimension = label or name, p.dimension(name)
-    zero = not isinstance(given, str) and np.isscalar(given) and given == 0
-    if p.units is None or dimension is None or dimension in NO_DIMENSION or zero:
-        value = _number(shown, given)
-    else:
-        example = EXAMPLES.get(dimension, f"1 {customary_unit(dimension)}")
-        value = measured(shown, given, dimension, example) / p.units.of(dimension)
+    value = number_of(p, given, dimension, shown)
     p.replace(**{name: value})
     return value
+
+
+def number_of(p: Parameters, given: Any, dimension: str | None, shown: str) -> float:
+    """The number [dimension] in the units of p that `given` stands for, `shown` in messages.
+
+    Raises InvalidInput for what is no number, or no quantity where p has physical units.
+    """
+    zero = not isinstance(given, str) and np.isscalar(given) and given == 0
+    if p.units is None or dimension is None or dimension in NO_DIMENSION or zero:
+        return _number(shown, given)
+    example = EXAMPLES.get(dimension, f"1 {customary_unit(dimension)}")
+    return measured(shown, given, dimension, example) / p.units.of(dimension)
 
 
 def _number(label: str, given: Any) -> float:
@@ -153,14 +160,14 @@ def dataset(
     )
 
 
-def needed(package: str) -> Any:
+def needed(package: str, extra: str = "[data]") -> Any:
     """An optional package. Raises InvalidInput, saying how to install it, where it is missing."""
     try:
         return import_module(package)
     except ImportError as error:
         raise InvalidInput(
             f"this table needs {package}, which cannot be imported ({error}): "
-            "pip install 'amoeboid[data]'"
+            f"pip install 'amoeboid{extra}'"
         ) from None
 
 

@@ -15,9 +15,10 @@ from amoeboid.model.units import Units, customary_unit, in_unit, magnitude
 from amoeboid.model.units import quantity as physical
 from amoeboid.motility.balance import Motion, motion
 from amoeboid.motility.cells import MeasuredCell, surface_of
-from amoeboid.motility.environments import Environment, environment
+from amoeboid.motility.environments import Environment
 from amoeboid.motility.squirmer import squirmer_modes
 from amoeboid.motility.surfaces import TANGENTIAL
+from amoeboid.motility.words import environment
 from amoeboid.observables import max_retrograde_speed
 from amoeboid.studies.columns import Column, frame
 from amoeboid.threads import one_thread

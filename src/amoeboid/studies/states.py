@@ -36,6 +36,7 @@ from amoeboid.studies.columns import (
     unit,
     with_units,
 )
+from amoeboid.studies.recorded import Recorded, along, single
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
@@ -213,6 +214,12 @@ class SteadyStates(Sequence[SteadyState]):
         return dataset(
             self.columns, "state", complete=int(self.complete), problems=list(self.problems)
         )
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: how many states there are, and the columns along `state`."""
+        counts = {"n_states": len(self.states), "n_stable": sum(s.stable for s in self.states)}
+        numbers = single(self.parameters, {name: (n, None) for name, n in counts.items()})
+        return numbers | along("state", self.columns)
 
     def plot(self, ax: Any = None) -> Any:
         """Draw the outlines side by side, colored by c. Takes and returns axes."""

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.closed_forms.branch import Prediction
 from amoeboid.closed_forms.summary import Summary, Weakly, summary
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import physical_number, quantity, shortened, text, unit
+from amoeboid.studies.recorded import Recorded, texts
 
 
 class Number:
@@ -50,7 +52,12 @@ def _weakly(of: Callable[[Weakly], Any]) -> Callable[[Summary], Any]:
 
 def _polarized(of: Callable[[Weakly], Any]) -> Callable[[Summary], Any]:
     """What it says of the polarized state; None where there is no such state."""
-    return _weakly(lambda w: of(w) if w.prediction.state.exists else None)
+    return _weakly(lambda w: of(w) if w.state.exists else None)
+
+
+def _predicted(of: Callable[[Prediction], Any]) -> Callable[[Summary], Any]:
+    """What the comparison with the next order says of it; None where that is not known."""
+    return _polarized(lambda w: None if w.prediction is None else of(w.prediction))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -106,37 +113,31 @@ class Theory:
     amplitude = Number(
         "N/L^2",
         "amplitude of the polarized state",
-        _polarized(lambda w: float(w.prediction.state.amplitude)),
+        _polarized(lambda w: float(w.state.amplitude)),
     )
-    amplitude_stable = Number(
-        "", "... is stable", _polarized(lambda w: bool(w.prediction.state.stable))
-    )
+    amplitude_stable = Number("", "... is stable", _polarized(lambda w: bool(w.state.stable)))
     max_retrograde_speed_cubic = Number(
         "L/T",
         "its retrograde speed, prefactor at v_p^c",
-        _polarized(lambda w: float(w.prediction.max_retrograde_speed)),
+        _polarized(lambda w: w.max_retrograde_speed),
     )
     max_retrograde_speed_at_v_p0 = Number(
         "L/T",
         "... with the prefactor at v_p0",
-        _polarized(lambda w: float(w.prediction.max_retrograde_speed_at_v_p0)),
+        _predicted(lambda q: float(q.max_retrograde_speed_at_v_p0)),
     )
     max_retrograde_speed_next_order = Number(
         "L/T",
         "... by the next order",
-        _polarized(
-            lambda w: (
-                float(w.prediction.next_order_speed) if w.prediction.next_order.exists else None
-            )
-        ),
+        _predicted(lambda q: float(q.next_order_speed) if q.next_order.exists else None),
     )
     relative_error = Number(
         "",
         "estimated relative error of the cubic speed",
-        _polarized(lambda w: float(w.prediction.relative_error)),
+        _predicted(lambda q: float(q.relative_error)),
     )
     in_reach = Number(
-        "", "... the cubic theory reaches v_p0", _polarized(lambda w: bool(w.prediction.in_reach))
+        "", "... the cubic theory reaches v_p0", _predicted(lambda q: bool(q.in_reach))
     )
     rho_2 = Number(
         "", "shape coefficient rho_2, r = R0 (1 + rho_2 P_2)", _polarized(lambda w: w.rho_2)
@@ -178,11 +179,35 @@ class Theory:
 
         return _converted(self._listed(name), convert)
 
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: every number, growth rates along the mode l."""
+        notes = Recorded(texts(self.notes), title="what a reader must know")
+        return {name: self._recorded(name, n.title) for name, n in self.numbers()} | {
+            "notes": notes
+        }
+
+    def _recorded(self, name: str, title: str) -> Recorded:
+        value = self.plain(name)
+        physical = self.parameters.units is not None
+        unit = self.unit(name) if physical or self.unit(name) != "1" else ""
+        if isinstance(value, list):
+            return Recorded(value, unit, title, (f"{name.removesuffix('s')}_number",))
+        if not isinstance(value, dict):
+            return Recorded(value, unit, title)
+        degrees = tuple(self.summary.growth_rates)
+        labels: dict[str, tuple[Any, ...]] = {"l": degrees}
+        if name == "growth_rates_finite_pressure":
+            labels["rate"] = ("slow", "fast")
+            pairs = [value.get(l, [None, None]) for l in degrees]
+            return Recorded(pairs, unit, title, ("l", "rate"), labels)
+        return Recorded([value.get(l) for l in degrees], unit, title, ("l",), labels)
+
     def unit(self, name: str) -> str:
         """The unit of `plain`; the dimension where the parameters have no physical units."""
         return unit(self.parameters, vars(type(self))[name].dimension)
 
-    def _text(self, name: str) -> str:
+    def text(self, name: str) -> str:
+        """An entry as it is printed, with its unit; "none" where there is no such number."""
         value, dimension = self._listed(name), vars(type(self))[name].dimension
         if value is None or value == []:
             return "none"
@@ -200,10 +225,10 @@ class Theory:
         return value.tolist() if isinstance(value, np.ndarray) else value
 
     def __repr__(self) -> str:
-        flow = self._text("max_retrograde_speed")
+        flow = self.text("max_retrograde_speed")
         lines = [
-            f"Theory: threshold {self._text('threshold')}, bifurcation "
-            f"{self._text('bifurcation')}; {self.parameters.description}",
+            f"Theory: threshold {self.text('threshold')}, bifurcation "
+            f"{self.text('bifurcation')}; {self.parameters.description}",
             f"growth rate of l = 1: {text(self.parameters, self.summary.growth_rates[1], '1/T')}, "
             f"predicted max_retrograde_speed: {'unknown' if flow == 'none' else flow}",
         ]
@@ -223,7 +248,7 @@ class Theory:
                     for l, value in self.plain(name).items()
                 ]
             elif self._listed(name) is not None:
-                rows.append((name, self._text(name), number.title))
+                rows.append((name, self.text(name), number.title))
         heading = f"Theory; {self.parameters.description}"
         return html_table(heading, rows, ("name", "value", "meaning"), self.notes)
 

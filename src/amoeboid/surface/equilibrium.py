@@ -19,7 +19,7 @@ MAX_SPEED_AT_REST = 1e-3
 def flow_of(model: Model, state: State, dt: float) -> Flow:
     """The flow in `state`, with the tension that keeps the area over the next dt."""
     g = geometry(state.r, model.mesh.faces)
-    factorized = factorized_cortex(model, state.r, g, dt, state.zeta0)
+    factorized = factorized_cortex(model, state.r, state.c, g, dt, state.zeta0)
     solution = force_balance(model, factorized, state.r, g, state.c, state.zeta0)
     _, zeta0 = area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
     return Flow(solution.v(zeta0) - solution.v_p, solution.v_p, zeta0, g.normals, g.node_areas)
@@ -38,7 +38,7 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, max_steps: int 
     for _ in range(max_steps):
         g = geometry(state.r, model.mesh.faces)
         if factorized is None:
-            factorized = factorized_cortex(model, state.r, g, dt, state.zeta0)
+            factorized = factorized_cortex(model, state.r, state.c, g, dt, state.zeta0)
         solution = force_balance(model, factorized, state.r, g, state.c, state.zeta0, v_c=v_c)
         moved, zeta0 = area_preserving_move(model, state.r, g, solution, dt, state.zeta0)
         before, change = change, np.abs(moved - state.r).max() / model.parameters.R0

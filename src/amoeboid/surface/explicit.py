@@ -18,6 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.meshes.bending import bending_gradient
 from amoeboid.meshes.geometry import (
     Geometry,
     area,
@@ -32,7 +33,8 @@ from amoeboid.meshes.operators import advection, scalar_matrix, stiffness
 from amoeboid.meshes.relaxation import relaxation
 from amoeboid.numerics.conjugate_gradients import constrained_minimum
 from amoeboid.surface.dissipation import dissipation_blocks
-from amoeboid.surface.force_balance import pressure_force, rigid_motions
+from amoeboid.surface.force_balance import pressure_force
+from amoeboid.surface.frame import Drag, rigid_motions
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.surface.stepping import StepFailed, check_step
@@ -93,7 +95,9 @@ def explicit_step(
 def constrained_flow(
     model: Model, state: State, g: Geometry, v_p: Array, dt: float, start: Array
 ) -> tuple[Array, float]:
-    """Cortex velocity (V, 3) without mean translation and rotation, and the tension.
+    """Cortex velocity (V, 3) and the tension.
+
+    Without mean translation, and without friction without mean rotation.
 
     SI `forcebalance2`, with dA/dr.(v_c + v_p) = (A0 - A)/dt. Raises StepFailed.
     """
@@ -101,13 +105,19 @@ def constrained_flow(
     force = p.delta_P * pressure_force(r, g, mesh.faces)
     if p.has_isotropic_stress:
         force -= weighted_area_gradient(g, mesh.faces, p.tau(state.c)[mesh.faces].mean(axis=1))
+    if p.kappa > 0:
+        force -= p.kappa * bending_gradient(r, g, mesh.faces)
     per_area = area_gradient(g, mesh.faces)
     wanted = (model.A0 - g.area) / dt - np.sum(per_area * (v_p + start))
     start = start + wanted / np.sum(per_area**2) * per_area
     viscous = (p.eta_s + p.eta_b) * model.rate * np.linalg.norm(per_area)
     least = RESIDUAL * float(np.linalg.norm(force) + viscous)
+    dissipation, drag = dissipation_blocks(g, mesh, p.eta_s, p.eta_b), Drag.on(model, g, state.c)
+    if drag is not None:
+        dissipation[model.diagonal] += drag.of_cortex
+        force -= drag.resisting(np.zeros_like(r), v_p)
     found = constrained_minimum(
-        dissipation_blocks(g, mesh, p.eta_s, p.eta_b),
+        dissipation,
         mesh.columns,
         mesh.row_start,
         force,
@@ -121,6 +131,8 @@ def constrained_flow(
             f"the conjugate gradients stop at a residual force of {found.residual:.3g} after "
             f"{found.iterations} iterations"
         )
+    if drag is not None:  # friction tells the rotation
+        return found.x - g.node_areas @ found.x / g.area, found.multiplier
     rigid = rigid_motions(r, g)
     weighted = np.repeat(g.node_areas, 3)[:, None] * rigid
     share = np.linalg.solve(rigid.T @ weighted, weighted.T @ found.x.ravel())

@@ -9,6 +9,9 @@ stiff shape modes (rate delta_P R0/eta_s); for the tangential motion it would be
 It acts on the difference between the motion in the step and the predicted one, and vanishes in a
 steady state.
 
+*Implicit bending.* The force of bending resists a normal motion by about dt kappa L A^-1 L, in the
+same way: without it, a step would have to be as short as edge^4 eta_s/(kappa R0^2).
+
 *Normal viscosity.* Where the Gaussian curvature is negative, a membrane resists some changes of its
 shape with next to no viscosity. A small additional viscosity that resists gradients of v.n keeps
 their speed finite. Its forces vanish in a steady state, where v.n = 0.
@@ -30,12 +33,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array, Index
+from amoeboid.meshes.bending import BendingStiffness, bending_gradient
 from amoeboid.meshes.geometry import (
     Geometry,
     area_centroid,
     area_gradient,
     volume,
-    volume_centroid,
     weighted_area_gradient,
 )
 from amoeboid.meshes.operators import (
@@ -49,6 +52,13 @@ from amoeboid.meshes.operators import (
 from amoeboid.numerics.compiled import compiled
 from amoeboid.numerics.sparse import Factor, SingularMatrix
 from amoeboid.surface.dissipation import dissipation_blocks, viscous_forces, viscous_stress
+from amoeboid.surface.frame import (
+    Drag,
+    FreeFrame,
+    ResistedFrame,
+    free_frame,
+    resisted_frame,
+)
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import rotation
 
@@ -83,25 +93,31 @@ class FactorizedCortex:
     """The factorized operator of the force balance on one shape, for time steps dt.
 
     On the pattern of the mesh: `dissipation` (P, 3, 3) are the blocks of K; `tension` and `damping`
-    (P,) are the implicit tension and the normal viscosity, along `normals` (V, 3). The constraints
-    are fulfilled by adding the motions `free` (3V, 6): three translations, and three responses to
-    torques spread over the surface. `dv_dzeta0` (V, 3): the velocity that a unit of tension drives.
+    (P,) are the implicit tension and the normal viscosity, along `normals` (V, 3), as `bending` is.
+    `frame`: rigid motions. `dv_dzeta0` (V, 3): the velocity that a unit of tension drives.
     """
 
     dt: float
     dissipation: Array
     tension: Array
     damping: Array
+    bending: BendingStiffness | None
     normals: Array
     factor: Factor
-    free: Array
+    frame: FreeFrame | ResistedFrame
     dv_dzeta0: Array
 
 
 def factorized_cortex(
-    model: Model, r: Array, g: Geometry, dt: float, zeta0: float, v_c: Array | None = None
+    model: Model,
+    r: Array,
+    c: Array,
+    g: Geometry,
+    dt: float,
+    zeta0: float,
+    v_c: Array | None = None,
 ) -> FactorizedCortex:
-    """Assemble and factorize on the shape r (V, 3) for a step dt > 0.
+    """Assemble and factorize on the shape r (V, 3) with c (V,) for a step dt > 0.
 
     `zeta0` and `v_c` (V, 3; None: 0) are estimates of tension and flow, for the implicit tension.
     Raises SingularMatrix if the shape has degenerated.
@@ -120,13 +136,25 @@ def factorized_cortex(
     matrix += dissipation
     shift = REGULARIZATION * viscosity * g.node_areas / p.R0**2
     np.einsum("pii->pi", matrix)[model.diagonal] += shift[:, None]
-    factor = model.vector_solver.factor(matrix)
-    kept = constraints(r, g, mesh.faces)
+    drag = Drag.on(model, g, c)
+    if drag is not None:
+        matrix[model.diagonal] += drag.of_cortex
+    bending = None
+    if p.kappa > 0:
+        bending, rings = BendingStiffness.on(g, mesh), model.solvers.two_rings
+        wide = rings.added(matrix, dt * p.kappa, bending, g.normals)
+        factor = model.solvers.bending_solver.factor(wide)
+    else:
+        factor = model.vector_solver.factor(matrix)
     force = -tension_force(r, g, mesh.faces).reshape(-1, 1)
-    response = factor.solve(np.hstack([force, kept[:, 3:]]))
-    free = np.hstack([rigid_motions(r, g)[:, :3], response[:, 1:]])
-    dv_dzeta0 = _in_frame(response[:, 0], free, kept)
-    return FactorizedCortex(dt, dissipation, tension, damping, g.normals, factor, free, dv_dzeta0)
+    frame: FreeFrame | ResistedFrame
+    if drag is None:
+        frame, dv_dzeta0 = free_frame(model, factor, r, g, force)
+    else:
+        frame, dv_dzeta0 = resisted_frame(model, factor, r, g, drag, force)
+    return FactorizedCortex(
+        dt, dissipation, tension, damping, bending, g.normals, factor, frame, dv_dzeta0
+    )
 
 
 def force_balance(
@@ -158,6 +186,8 @@ def force_balance(
     if p.has_isotropic_stress:
         # the stress tau(c) I acts like an inhomogeneous tension
         force -= weighted_area_gradient(g, mesh.faces, p.tau(c)[mesh.faces].mean(axis=1))
+    if p.kappa > 0:
+        force -= p.kappa * bending_force(r, g, mesh.faces)
     v_n = np.einsum("vi,vi->v", v_p, g.normals)
     if v_c is not None:
         force += block_product(factorized.dissipation, mesh, v_c)
@@ -167,53 +197,24 @@ def force_balance(
     if ahead is not None:
         moved -= np.einsum("vi,vi->v", ahead, g.normals)
     resisted = product(factorized.damping, mesh, v_n) + product(factorized.tension, mesh, moved)
+    if factorized.bending is not None:
+        resisted += p.kappa * factorized.bending.product(moved)
     force -= resisted[:, None] * factorized.normals
-    kept = constraints(r, g, mesh.faces)
-    drift = np.concatenate([kept[:, :3].T @ v_p.ravel(), np.zeros(3)])
-    if turning is not None:
-        drift[3:] = kept[:, 3:].T @ rotation(turning, r).ravel()
-    v = v_p + _in_frame(factorized.factor.solve(force.ravel()), factorized.free, kept, drift)
+    turned = None if turning is None else rotation(turning, r)
+    frame = factorized.frame.at(model, r, g, c, v_p, turned)
+    force += frame.force(v_c)
+    v = v_p + frame.fulfilled(factorized.factor.solve(force.ravel()))
     return TensionFlow(v - zeta0 * factorized.dv_dzeta0, factorized.dv_dzeta0, v_p)
-
-
-def _in_frame(v_c: Array, free: Array, kept: Array, drift: Array | float = 0.0) -> Array:
-    """v_c (3V,) as (V, 3), plus motions `free` (3V, 6) to fulfill the constraints `kept` (3V, 6).
-
-    `drift` (6,): the contribution of v_p to the first three constraints, and of the rotating frame
-    to the others. The forces that drive these motions vanish with the time step and the mesh width.
-    """
-    excess = kept.T @ v_c + drift
-    return np.asarray((v_c - free @ np.linalg.solve(kept.T @ free, excess)).reshape(-1, 3))
-
-
-def constraints(r: Array, g: Geometry, faces: Index) -> Array:
-    """Columns (3V, 6) whose products with a velocity vanish in the frame of the cell.
-
-    The first three apply to v = v_c + v_p: the volume times the velocity of its center. The other
-    three apply to v_c: its rotation.
-    """
-    about = r - area_centroid(r, g)
-    centered = r - volume_centroid(r, faces)
-    return np.asarray(_constraints(centered, about, g.node_areas, g.normals).reshape(-1, 6))
-
-
-@compiled
-def _constraints(centered, about, areas, normals):  # type: ignore[no-untyped-def]
-    columns = np.zeros((len(areas), 3, 6))
-    for i in range(len(areas)):
-        for d in range(3):
-            moment = areas[i] * centered[i, d]
-            for e in range(3):
-                columns[i, e, d] = moment * normals[i, e]
-            p, q = (d + 1) % 3, (d + 2) % 3
-            columns[i, p, 3 + d] = -areas[i] * about[i, q]
-            columns[i, q, 3 + d] = areas[i] * about[i, p]
-    return columns
 
 
 def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Minus the node forces of a unit of tension (V, 3): the normal part of dA/dr [L]."""
     return normal_force(area_gradient(g, faces), r, g)
+
+
+def bending_force(r: Array, g: Geometry, faces: Index) -> Array:
+    """Minus the node forces of a unit of bending stiffness (V, 3), along the normals [1/L]."""
+    return normal_force(bending_gradient(r, g, faces), r, g)
 
 
 def pressure_force(r: Array, g: Geometry, faces: Index) -> Array:
@@ -292,21 +293,3 @@ def _without_rigid(size, normals, r, center, areas, shift, turn):  # type: ignor
         forces[i, 1] = size[i] * normals[i, 1] - areas[i] * rigid_y
         forces[i, 2] = size[i] * normals[i, 2] - areas[i] * rigid_z
     return forces
-
-
-def rigid_motions(r: Array, g: Geometry) -> Array:
-    """Three translations and three rotations about the center of area, columns (3V, 6)."""
-    return np.asarray(_rigid_motions(r, area_centroid(r, g)).reshape(-1, 6))
-
-
-@compiled
-def _rigid_motions(r, center):  # type: ignore[no-untyped-def]
-    motions = np.zeros((r.shape[0], 3, 6))
-    for i in range(r.shape[0]):
-        for d in range(3):
-            motions[i, d, d] = 1.0
-            # rotation about axis d: e_d x (r - center)
-            p, q = (d + 1) % 3, (d + 2) % 3
-            motions[i, p, 3 + d] = -(r[i, q] - center[q])
-            motions[i, q, 3 + d] = r[i, p] - center[p]
-    return motions

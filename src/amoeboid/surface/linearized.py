@@ -82,7 +82,9 @@ class LinearizedStep:
         self.g = geometry(state.r, model.mesh.faces)
         self._scale = model.parameters.c0 + state.c
         self._zeta0, self._v_c = flow.zeta0, flow.v_c
-        self._factorized = factorized_cortex(model, state.r, self.g, dt, flow.zeta0, flow.v_c)
+        self._factorized = factorized_cortex(
+            model, state.r, state.c, self.g, dt, flow.zeta0, flow.v_c
+        )
         dA_dr = area_gradient(self.g, model.mesh.faces)
         self._area_gradient = np.einsum("vi,vi->v", dA_dr, self.g.normals)
         self._dh_dzeta0 = np.einsum("vi,vi->v", self._factorized.dv_dzeta0, self.g.normals)

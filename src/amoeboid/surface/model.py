@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.meshes.bending import TwoRings
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
 from amoeboid.model.constitutive import Differences, NoDerivatives
@@ -35,6 +36,16 @@ class Solvers:
     def vector_solver(self) -> SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
         return SparseCholesky(self.mesh.row_start, self.mesh.columns)
+
+    @cached_property
+    def two_rings(self) -> TwoRings:
+        """The pattern that bending couples."""
+        return TwoRings(self.mesh)
+
+    @cached_property
+    def bending_solver(self) -> SparseCholesky:
+        """Solver for symmetric (3V, 3V) matrices of node velocities, on `two_rings`."""
+        return SparseCholesky(self.two_rings.row_start, self.two_rings.columns)
 
     @cached_property
     def scalar_solver(self) -> MMatrixLU:

@@ -63,7 +63,9 @@ class ImplicitMap:
         self._scale = p.c0 + base.c
         self._units = (model.rate, p.delta_P * p.R0 + p.eta_s * model.rate, model.rate * p.R0)
         self._start = np.concatenate([base.c / self._scale, np.zeros(self.n)])
-        self._factorized = factorized_cortex(model, base.r, self.g, dt, base.zeta0, base.v_c)
+        self._factorized = factorized_cortex(
+            model, base.r, base.c, self.g, dt, base.zeta0, base.v_c
+        )
         v = self._velocity(model, base, self.g)[0]
         u = v - normal_part(v, self.g.normals)
         self._transport = model.scalar_solver.factor(implicit_matrix(model, self.g, u, dt)[0])

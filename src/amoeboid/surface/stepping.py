@@ -81,7 +81,7 @@ def semi_implicit_step(
     r_known, implicit = past.known[0].r, past.known[0].dt
     g = geometry(r_ahead, model.mesh.faces)
     v_c = None if before is None else rotated(before.v_c, omega, dt)
-    factorized = factorized_cortex(model, r_ahead, g, implicit, now.zeta0, v_c)
+    factorized = factorized_cortex(model, r_ahead, c_ahead, g, implicit, now.zeta0, v_c)
     drift = min(MESH_RELAXATION * model.rate, 0.5 / dt) * relaxation(r_ahead, g, model.mesh)
 
     scaled = _Scaling(1.0 / (model.parameters.c0 + c_ahead), g.normals / model.parameters.R0)
@@ -91,7 +91,7 @@ def semi_implicit_step(
     iterations: list[Iteration] = []
     while True:
         if len(iterations) >= MAX_REUSES:
-            factorized = factorized_cortex(model, r, g, implicit, zeta0, v_c)
+            factorized = factorized_cortex(model, r, c, g, implicit, zeta0, v_c)
         solution = force_balance(model, factorized, r, g, c, zeta0, r - r_known, v_c, omega)
         start = r_known + implicit * drift
         r_new, zeta0 = area_preserving_move(model, start, g, solution, implicit, zeta0)

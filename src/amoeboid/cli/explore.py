@@ -1,0 +1,108 @@
+"""`amoeboid explore`: a live page in the browser, or a page in one file."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import signal
+import webbrowser
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from amoeboid.cli.output import say
+from amoeboid.cli.settings import add_parameters, only_parameters, print_json, real
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.explorer.server import Server
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `explore`."""
+    add_parameters(parser)
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        default=Path(),
+        metavar="DIR",
+        help="the folder that runs are saved in from the page (the present one)",
+    )
+    parser.add_argument(
+        "--idle",
+        type=real,
+        default=600.0,
+        metavar="SECONDS",
+        help="end when no page has been open for so long (600)",
+    )
+    parser.add_argument(
+        "--no-browser", action="store_true", help="print the address, and open no browser"
+    )
+    parser.add_argument(
+        "--export",
+        type=Path,
+        metavar="FILE",
+        help="write a page into one file (.html) that works without a server and asks no host: the "
+        "branches in v_p0 for five values of D, about the parameters of --set; without a 3D cell",
+    )
+    parser.epilog = (
+        "The page is served on this computer alone, to those who have its address with the token.\n"
+        "Ctrl-C ends it. --set and --physical are for --export; the page has sliders.\n"
+        "Needs pip install 'amoeboid[explore]', except for --export."
+    )
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Serve the page until it is told to stop, or write it."""
+    if args.export is not None:
+        return _export(args)
+    from amoeboid.explorer.needed import check_websockets
+    from amoeboid.explorer.notebook import checked_folder, checked_idle
+    from amoeboid.explorer.server import Server
+
+    if args.settings or args.physical:
+        raise InvalidInput("--set and --physical belong to --export; the page has sliders for them")
+    folder = checked_folder(args.output)
+    checked_idle(args.idle)
+    check_websockets()
+
+    def started(server: Server) -> None:
+        if args.json:
+            print_json({"address": server.address})
+        else:
+            say(f"the explorer is at {server.address}", "Ctrl-C ends it")
+        if not args.no_browser:
+            webbrowser.open(server.address)
+
+    asyncio.run(_serve(Server(folder, args.idle), started))
+    return 0
+
+
+async def _serve(server: Server, started: object) -> None:
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        with suppress(
+            NotImplementedError, ValueError
+        ):  # a loop without handlers ends by KeyboardInterrupt
+            loop.add_signal_handler(number, server.stop)
+    await server.run(started)  # type: ignore[arg-type]
+
+
+def _export(args: argparse.Namespace) -> int:
+    from amoeboid.cli.progress import shown
+    from amoeboid.explorer.offline import write_page
+
+    path: Path = args.export
+    if path.suffix.lower() not in (".html", ".htm"):
+        raise InvalidInput(f"--export must name a page (.html), got {str(path)!r}")
+    if not path.parent.is_dir():
+        raise InvalidInput(f"--export must name a file in a folder that exists, got {str(path)!r}")
+    p = only_parameters(args)
+    with shown() as watch:
+        size = write_page(p, path, watch)
+    if args.json:
+        print_json({"page": str(path), "bytes": size})
+    else:
+        say(f"{path}: {size / 1000:.0f} kB")
+    return 0

@@ -1,0 +1,202 @@
+"""`amoeboid sweep`: a solver at many points, from a file."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from amoeboid.cli.exit_codes import FAILURE
+from amoeboid.cli.output import say, tell
+from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.settings import print_json, whole
+from amoeboid.validation import InvalidInput
+
+if TYPE_CHECKING:
+    from amoeboid.sweeps.document import SweepDocument
+    from amoeboid.sweeps.result import Sweep
+
+SHARD = re.compile(r"(\d{1,9})/(\d{1,9})", re.ASCII)
+MAX_TOLD = 20
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options of `sweep`."""
+    parser.add_argument(
+        "document", nargs="?", type=Path, metavar="SWEEP.toml", help="what to compute, and where"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        metavar="DIR",
+        help="folder for the results (default: the name of the file without .toml); the same "
+        "command goes on in it",
+    )
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument("--workers", type=whole, metavar="N", help="compute in N processes (1)")
+    how.add_argument(
+        "--scheduler", metavar="ADDRESS", help="compute on Dask, as tcp://10.0.0.1:8786"
+    )
+    how.add_argument(
+        "--shard",
+        type=shard,
+        metavar="K/N",
+        help="compute part K of N alone, as one job of an array of jobs that share DIR",
+    )
+    how.add_argument(
+        "--merge", type=Path, metavar="DIR", help="write the table of what all shards have computed"
+    )
+    parser.add_argument(
+        "--retry", action="store_true", help="compute points again that failed in an earlier call"
+    )
+    parser.add_argument(
+        "--dry-run", action="store_true", help="say how many points there are, and compute none"
+    )
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    parser.add_argument("--show", metavar="NAME", help="what --plot draws (max_retrograde_speed)")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
+    )
+    parser.epilog = (
+        "The file has tables [base] (parameters that stay), [vary] (those that vary: lists, or\n"
+        "{linspace = [4, 8, 41]}, {logspace = [0.01, 1, 20]}), [solver] with name = theory,\n"
+        "steady, branch or simulate, and [record] with names; [sobol] with count and seed takes\n"
+        "random points, [refine] with label and depth refines a grid. See docs/sweeps.md.\n"
+        "DIR/sweep.nc has all answers with their units, and the status of every point. Points\n"
+        "that fail are named, with the reason; the others are computed.\n"
+        "Exit code 0: finished, also if points failed. 1: --merge found points that are missing.\n"
+        f"{PLOT_FAILS}"
+    )
+
+
+def shard(text: str) -> tuple[int, int]:
+    """Part K of N. Raises ArgumentTypeError."""
+    found = SHARD.fullmatch(text.strip())
+    if found is None or not 1 <= int(found[1]) <= int(found[2]):
+        raise argparse.ArgumentTypeError(
+            f"must be K/N with 1 <= K <= N, such as 3/10, got {text!r}"
+        )
+    return int(found[1]), int(found[2])
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Compute or merge, print, draw."""
+    check_picture(args.plot)
+    if args.merge is not None:
+        return _merged(args)
+    if args.document is None:
+        raise InvalidInput("sweep takes a file SWEEP.toml, or --merge DIR, got neither")
+    if args.workers is not None and args.workers < 1:
+        raise InvalidInput(f"--workers must be >= 1, got {args.workers}")
+    document = _read(args.document)
+    if args.dry_run:
+        return _counted(args, document)
+    folder = args.output or Path(args.document.stem)
+    if folder == args.document:
+        raise InvalidInput(f"the folder must not have the name of the file, got {str(folder)!r}")
+    found = _computed(args, document, folder)
+    return _told(args, found, folder)
+
+
+def _read(path: Path) -> SweepDocument:
+    from amoeboid.output.atomic import text_of
+    from amoeboid.sweeps.document import sweep_document
+
+    return sweep_document(text_of(path), repr(str(path)), path.parent)
+
+
+def _computed(args: argparse.Namespace, document: SweepDocument, folder: Path) -> Sweep:
+    from amoeboid.sweeps.sweep import sweep
+
+    with _executor(args.scheduler) as executor:
+        try:
+            return sweep(
+                document.points,
+                document.solver,
+                record=document.record,
+                executor=executor,
+                workers=args.workers,
+                folder=folder,
+                shard=args.shard,
+                retry=args.retry,
+                progress=True,
+            )
+        except KeyboardInterrupt:
+            tell("sweep", f"what is done is kept in {str(folder)!r}; the same command goes on")
+            raise
+
+
+@contextmanager
+def _executor(scheduler: str | None) -> Iterator[Any]:
+    """An executor on a cluster of Dask; None without a scheduler. Raises InvalidInput."""
+    if scheduler is None:
+        yield None
+        return
+    from amoeboid.studies.columns import needed
+
+    distributed = needed("distributed", "[dask]")
+    try:
+        client = distributed.Client(scheduler, timeout=20)
+    except (OSError, ValueError, TimeoutError) as error:
+        raise InvalidInput(
+            f"--scheduler must be the address of a running scheduler of Dask, got {scheduler!r}: "
+            f"{' '.join(str(error).split())}"
+        ) from None
+    with client:
+        yield client.get_executor()
+
+
+def _counted(args: argparse.Namespace, document: SweepDocument) -> int:
+    from amoeboid.sweeps.refinement import Refinement
+
+    points = document.points
+    if isinstance(points, Refinement):
+        count, more = len(points.grid), " and more where the label changes"
+    else:
+        count, more = len(points), ""
+    if args.json:
+        print_json({"points": count})
+    else:
+        say(f"{count} points{more}")
+    return 0
+
+
+def _merged(args: argparse.Namespace) -> int:
+    from amoeboid.sweeps.folder import TABLE
+    from amoeboid.sweeps.result import load_sweep
+
+    if args.document is not None:
+        raise InvalidInput(f"--merge takes the folder alone, got {str(args.document)!r} as well")
+    found = load_sweep(args.merge)
+    found.save(args.merge / TABLE)
+    code = _told(args, found, args.merge)
+    missing = len(found) - found.done
+    if missing:
+        tell("sweep", f"{missing} of {len(found)} points are missing: shards that have not ended")
+    return code or (FAILURE if missing else 0)
+
+
+def _told(args: argparse.Namespace, found: Sweep, folder: Path) -> int:
+    """Print what was computed; the exit code."""
+    failed = [{**failure.values, "why": failure.why} for failure in found.failed]
+    if args.json:
+        counts = {name: found.counts.get(name, 0) for name in ("incomplete", "missing")}
+        answers = found.done - len(failed)
+        print_json({"output": str(folder), "done": answers, "failed": failed, **counts})
+    else:
+        counted = ", ".join(f"{n} {status}" for status, n in sorted(found.counts.items()))
+        say(f"{len(found)} points: {counted}; {folder}")
+        say(*(f"failed: {failure!r}" for failure in found.failed[:MAX_TOLD]))
+        if len(failed) > MAX_TOLD:
+            say(f"... and {len(failed) - MAX_TOLD} more, see `why` in the table")
+    if args.plot is None:
+        return 0
+    from amoeboid.plotting.sweeps import write_sweep
+
+    return (
+        0 if drawn("sweep", args.plot, lambda p: write_sweep(found, p, args.show)) else NO_PICTURE
+    )

@@ -1,0 +1,61 @@
+"""A recipe as a run in a folder, and as lines of Python that make the same run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from amoeboid.explorer.recipe import ELONGATED, NOISE, STRETCH, SURFACE, Recipe
+from amoeboid.runs.solution import Solution, simulate
+
+
+def made_again(
+    recipe: Recipe,
+    end: float,
+    folder: Path | None = None,
+    progress: Callable[[Any], None] | None = None,
+) -> Solution:
+    """The run of a recipe until the time `end` [T], in a new folder if one is given.
+
+    Raises InvalidInput.
+    """
+    report = False if progress is None else progress
+    return simulate(recipe.config(end), mesh=recipe.shape(), folder=folder, progress=report)
+
+
+def python_lines(recipe: Recipe, end: float) -> str:
+    """Python that makes the run of a recipe until the time `end`."""
+    p, config = recipe.parameters, recipe.config(end)
+    lines = ["import amoeboid as am", "", f"p = am.{p!r}"]
+    mesh = f"am.Icosphere({recipe.subdivisions})"
+    if recipe.start == ELONGATED:
+        lines += [
+            f"sphere = am.start(am.Config(mesh=am.Mesh(subdivisions={recipe.subdivisions}))).cell",
+        ]
+        mesh = f"am.Surface(sphere.r * [1.0, 1.0, {STRETCH}], sphere.faces)"
+    initial = [f"perturbation={config.initial.perturbation!r}"]
+    if recipe.start == NOISE:
+        initial += [f"noise={config.initial.noise!r}", f"seed={recipe.seed}"]
+    if recipe.start == SURFACE:
+        initial += [f"surface={Path(str(recipe.surface)).name!r}", "repair=True"]
+    time = f"end={config.time.end!r}, max_step={config.time.max_step!r}, stop_when_steady=False"
+    lines += [
+        "solution = am.simulate(",
+        "    p,",
+        f"    mesh={mesh},",
+        f"    initial=am.Initial({', '.join(initial)}),",
+        f"    time=am.Time({time}),",
+        f"    until=am.when({config.time.until[0]!r}),",
+    ]
+    if recipe.jumps:
+        lines += ["    changes={"]
+        for name, points in recipe.jumps.items():
+            shown = ", ".join(repr(point) for point in points)
+            lines += [f"        {name!r}: am.steps({shown}),"]
+        lines += ["    },"]
+    if recipe.pokes:
+        lines += ["    cue=am.Cue(", "        pokes=["]
+        lines += [f"            {poke!r}," for poke in recipe.pokes]
+        lines += ["        ],", "    ),"]
+    return "\n".join([*lines, ")", "print(solution)", 'solution.save("seen-in-the-explorer")', ""])

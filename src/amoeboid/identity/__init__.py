@@ -1,0 +1,1 @@
+"""What a result depends on, as a text: functions with their code, parameters, other arguments."""

@@ -1,0 +1,130 @@
+"""The path of a cell in the environment of a run: columns of its time series.
+
+The axes of a run follow the cell, up to a rotation that its surroundings decide. They rotate and
+move in the laboratory so that force and torque on the cell vanish. Position and rotation are
+integrated from row to row with the trapezoidal rule, of second order in time, from the numbers in
+the row before alone: a run that is resumed goes on with the same bits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.meshes.geometry import geometry
+from amoeboid.motility.balance import motion
+from amoeboid.motility.cells import surface_of_mesh
+from amoeboid.motility.environments import CortexDrag, Environment
+from amoeboid.observables import MIN_SPEED_WITH_HEADING
+from amoeboid.simulation.rows import Row
+from amoeboid.simulation.step import Step
+from amoeboid.surface.rigid import angular_velocity, rotated
+
+VECTORS = {
+    "migration": "L",
+    "migration_heading": "1",
+    "migration_turning": "1/T",
+    "migration_axes": "1",
+    "migration_axes_turning": "1/T",
+}
+"""Vectors of the path: position and heading of the cell, its angular velocity, and as a rotation
+vector the rotation of the axes of the run, all in the axes of the laboratory; the angular velocity
+of the axes of the run, in themselves."""
+
+SPEED = "migration_speed"
+
+
+def names(vector: str) -> list[str]:
+    """The columns of a vector."""
+    return [f"{vector}_{axis}" for axis in "xyz"]
+
+
+MIGRATION = tuple(names("migration"))
+PATH_UNITS: dict[str, str | None] = {
+    SPEED: "L/T",
+    **{name: dimension for vector, dimension in VECTORS.items() for name in names(vector)},
+}
+"""The columns of a path and their dimensions."""
+
+
+def recorded(environment: Environment) -> bool:
+    """Whether a run has columns of its own for the path in an environment.
+
+    The path with all drag on the cortex is in every run, as `cortex_drag_x` and so on.
+    """
+    return not (isinstance(environment, CortexDrag) and environment.coupled == 1.0)
+
+
+def path_values(step: Step, environment: Environment, before: Mapping[str, float] | None) -> Row:
+    """The columns of a step, with the row before it; None for the first one.
+
+    Raises InvalidInput for an environment that nothing in it resists.
+    """
+    turning = _turning(step)
+    found = motion(surface_of_mesh(step.cell, turning), environment)
+    axes_turning = found.angular_velocity - turning
+    position, axes = advanced(before, step.state.t, found.velocity, axes_turning)
+    velocity = axes @ found.velocity
+    speed = float(np.linalg.norm(velocity))
+    least = MIN_SPEED_WITH_HEADING * step.model.rate * step.model.parameters.R0
+    moves = speed > least
+    vectors = {
+        "migration": position,
+        "migration_heading": velocity / speed if moves else np.zeros(3),
+        "migration_turning": axes @ found.angular_velocity,
+        "migration_axes": rotation_vector(axes),
+        "migration_axes_turning": axes_turning,
+    }
+    return path_row(speed if moves else 0.0, vectors)
+
+
+def path_row(speed: float, vectors: Mapping[str, Array]) -> Row:
+    """The columns of a path from its speed and the vectors of `VECTORS`."""
+    row: Row = {SPEED: speed}
+    for name, values in vectors.items():
+        row |= dict(zip(names(name), map(float, values), strict=True))
+    return row
+
+
+def advanced(
+    before: Mapping[str, float] | None, t: float, velocity: Array, axes_turning: Array
+) -> tuple[Array, Array]:
+    """Position (3,) in the laboratory and axes (3, 3) of the run, in columns, at a time t.
+
+    From the row before and the present `velocity` and `axes_turning` (3,), in the axes of the run.
+    """
+    if before is None:
+        return np.zeros(3), np.eye(3)
+    half = 0.5 * (t - before["t"])
+    earlier = _vector(before, "migration_axes_turning")
+    axes = rotation_of(_vector(before, "migration_axes"))
+    axes = axes @ rotation_of(half * (earlier + axes_turning))
+    moved = before[SPEED] * _vector(before, "migration_heading") + axes @ velocity
+    return _vector(before, "migration") + half * moved, axes
+
+
+def _turning(step: Step) -> Array:
+    """Angular velocity (3,) of the shape in the axes of the run [1/T]."""
+    state, model = step.state, step.model
+    if state.angular_velocity is not None:
+        return state.angular_velocity
+    g = geometry(state.r, model.mesh.faces)
+    return angular_velocity(model, state.r, state.c, g, step.flow.v)
+
+
+def _vector(row: Mapping[str, float], name: str) -> Array:
+    return np.array([row[column] for column in names(name)])
+
+
+def rotation_of(vector: Array) -> Array:
+    """The matrix (3, 3) of the rotation around a vector (3,) by its length [rad]."""
+    return np.asarray(rotated(np.eye(3), vector, 1.0).T)
+
+
+def rotation_vector(matrix: Array) -> Array:
+    """The vector (3,) of a rotation, of a length from 0 to pi."""
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(matrix).as_rotvec())

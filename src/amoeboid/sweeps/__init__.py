@@ -1,0 +1,1 @@
+"""Many points at once: what varies, which solver, what is recorded; in parallel, and resumable."""

@@ -1,0 +1,283 @@
+"""A sweep's folder: what is done, so that it is not done again.
+
+    sweep.json           what is computed: solver, base, points, units, versions
+    results/*.jsonl      one line a point, and lines that say what the names in them mean
+    sweep.nc             the table, once the sweep is finished or merged
+
+Every process has a file of its own in `results`, `1-of-1.jsonl` or that of its shard, which only
+grows: a point costs one line, however many there are. A line is written in one piece. A killed
+process may leave the last one unfinished; without its end of line it does not count, and is cut off
+when the sweep is continued. Points are known by their content, so that their order and their number
+may change. Nothing in the folder is executed, or made of pickles.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import asdict
+from io import FileIO
+from pathlib import Path
+from typing import Any
+
+from amoeboid.output.atomic import PARTIAL, remove_partial, text_of, write_text
+from amoeboid.sweeps.evaluation import FAILED, STATUSES, Meaning, Meanings, joined
+from amoeboid.validation import InvalidInput
+
+try:
+    import fcntl
+except ImportError:  # without it nobody notices two processes on one folder
+    fcntl = None  # type: ignore[assignment]
+
+FORMAT, VERSION = "amoeboid sweep", 1
+MANIFEST, TABLE, LOCK, RESULTS = "sweep.json", "sweep.nc", ".lock", "results"
+SYNCED = 1.0  # seconds after which lines are surely on the disk
+LARGEST_LINE = 100_000_000  # characters
+BLOCK = 65536  # bytes
+
+
+class SweepFolder:
+    """The folder of a sweep; `rows` are the lines that are done, by the key of their points."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: dict[str, str] = {}
+        self.meanings: Meanings = {}
+        self._told: Meanings = {}  # those that our own file tells: each file explains itself
+        self._file: FileIO | None = None
+        self._size, self._synced, self._code = 0, 0.0, ""
+
+    @contextmanager
+    def opened(self, manifest: Mapping[str, Any], shard: tuple[int, int]) -> Iterator[SweepFolder]:
+        """The folder, made if need be, for one process that adds lines to the file of its shard.
+
+        Raises InvalidInput for a folder of something else, and one that another process has open.
+        """
+        self._make(manifest)
+        with ExitStack() as locks:
+            whole = shard == (1, 1)
+            name = f"{shard[0]}-of-{shard[1]}"
+            kept = self._locked(self.path / LOCK, not whole, locks)
+            if not whole:
+                kept = self._locked(self.path / RESULTS / f".{name}.lock", False, locks) and kept
+            if not kept:  # a file that nobody else can write to
+                name = f"{name}-{socket.gethostname()}-{os.getpid()}"
+            if whole:
+                remove_partial(self.path)
+            self._begin(self.path / RESULTS / f"{name}.jsonl", manifest)
+            try:
+                yield self
+            finally:
+                self._close()
+
+    def _make(self, manifest: Mapping[str, Any]) -> None:
+        if self.path.exists() and not self.path.is_dir():
+            raise InvalidInput(
+                f"the folder of a sweep must be a folder, {str(self.path)!r} is a file; choose "
+                "another"
+            )
+        begun = (self.path / MANIFEST).exists()
+        if not begun and self.path.exists():
+            strange = [
+                p.name for p in self.path.iterdir()
+                if p.name not in (LOCK, RESULTS) and not PARTIAL.fullmatch(p.name)
+            ]  # fmt: skip
+            if strange:
+                raise InvalidInput(
+                    f"the folder of a sweep must be new, empty or that of the same sweep, "
+                    f"{str(self.path)!r} holds {strange[0]!r} and no {MANIFEST}; choose another"
+                )
+        if begun:
+            _refuse_another(manifest, read_manifest(self.path), self.path)
+        (self.path / RESULTS).mkdir(parents=True, exist_ok=True)
+
+    def _begin(self, file: Path, manifest: Mapping[str, Any]) -> None:
+        if not (self.path / MANIFEST).exists():
+            self.tell(manifest)
+        self.read(str(manifest["code"]), file)
+        file.touch()
+        self._file = file.open("r+b", buffering=0)
+        self._size = _whole_size(self._file)
+        self._file.truncate(self._size)
+
+    def tell(self, manifest: Mapping[str, Any]) -> None:
+        """Write what the sweep is, if that is not what the folder says."""
+        path = self.path / MANIFEST
+        text = json.dumps(manifest, allow_nan=False)
+        if not path.is_file() or text_of(path) != text:
+            write_text(path, text)
+
+    def read(self, code: str, own: Path | None = None) -> None:
+        """Read what is done, in all files; what is whole counts.
+
+        Names mean what they do in the results of this code; `own` is the file that grows.
+        """
+        self._code = code
+        for path in sorted((self.path / RESULTS).glob("*.jsonl")):
+            told = self._told if path == own else {}
+            for line in _lines(path):
+                self._take(line, told)
+
+    def _take(self, line: str, told: Meanings) -> None:
+        try:
+            found = json.loads(line)
+        except (ValueError, RecursionError):
+            return
+        if not isinstance(found, dict):
+            return
+        key = found.get("key")
+        if isinstance(found.get("meanings"), dict) and found.get("code") == self._code:
+            with suppress(TypeError, ValueError, KeyError):
+                read = {n: _meaning(m) for n, m in found["meanings"].items()}
+                _learn(self.meanings, read)
+                _learn(told, read)
+        elif isinstance(key, str) and found.get("status") in STATUSES:
+            failed_now = found["status"] == FAILED
+            if not failed_now or key not in self.rows or status_of(self.rows[key]) == FAILED:
+                self.rows[key] = line
+
+    def add(self, rows: Mapping[str, str], meanings: Meanings) -> None:
+        """Take up lines of points, for good: {key: line}. Raises OSError for a full disk."""
+        _learn(self.meanings, meanings)
+        new = _learn(self._told, meanings)
+        told = {name: asdict(meaning) for name, meaning in new.items()}
+        lines = [json.dumps({"code": self._code, "meanings": told})] if told else []
+        keyed = {key: f'{{"key":{json.dumps(key)},{row[1:]}' for key, row in rows.items()}
+        self._write("".join(f"{line}\n" for line in (*lines, *keyed.values())))
+        self.rows |= keyed
+
+    def _write(self, text: str) -> None:
+        if self._file is None:
+            return
+        data = text.encode()
+        rest = memoryview(data)
+        self._file.seek(self._size)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest) or 0 :]
+        except OSError:
+            with suppress(OSError):  # what was begun does not count anyway
+                self._file.truncate(self._size)
+            raise
+        self._size += len(data)
+        if time.monotonic() - self._synced > SYNCED:
+            os.fsync(self._file.fileno())
+            self._synced = time.monotonic()
+
+    def _close(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            with file, suppress(OSError):
+                os.fsync(file.fileno())
+
+    def _locked(self, path: Path, shared: bool, locks: ExitStack) -> bool:
+        """Keep others away, but for other shards if `shared`; False where that is not possible."""
+        if fcntl is None:
+            return False
+        file = locks.enter_context(path.open("a+"))
+        try:
+            fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InvalidInput(
+                f"the folder of a sweep must be used by one process at a time, another one is at "
+                f"work in {str(self.path)!r}; wait for it, choose another folder, or share the "
+                "work as shards (--shard 1/2 and --shard 2/2)"
+            ) from None
+        except OSError as error:
+            warnings.warn(
+                f"{str(path)!r} cannot be locked ({error}): let one process work in this folder",
+                stacklevel=2,
+            )
+            return False
+        return True
+
+
+def _learn(known: Meanings, meanings: Meanings) -> Meanings:
+    """Take up what names mean; those that say something new. Raises InvalidInput."""
+    new = {}
+    for name, meaning in meanings.items():
+        whole = joined(name, known.get(name), meaning)
+        if whole != known.get(name):
+            new[name] = known[name] = whole
+    return new
+
+
+def status_of(line: str) -> str:
+    """How the point of a line ended."""
+    return str(json.loads(line)["status"])
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a sweep's folder. Raises InvalidInput."""
+    path = folder / MANIFEST
+    if not path.is_file():
+        raise InvalidInput(
+            f"the folder of a sweep must have a {MANIFEST}, {str(folder)!r} has none; give the "
+            "folder that amoeboid sweep wrote to"
+        )
+    try:
+        found = json.loads(text_of(path))
+    except (OSError, ValueError, RecursionError) as error:
+        raise InvalidInput(f"{str(path)!r} must be the file of a sweep: {error}") from None
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise InvalidInput(f"{str(path)!r} must be the file of a sweep, it is not")
+    version = found.get("format_version")
+    if not isinstance(version, int) or version > VERSION:
+        raise InvalidInput(
+            f"the format of {str(folder)!r} must be {VERSION} or older, it is {version!r}; use the "
+            "release of amoeboid that wrote it, or a newer one"
+        )
+    return found
+
+
+IDENTITY = ("solver", "record", "base")
+"""What makes a sweep: a folder goes on with other points, not with another one of these."""
+
+
+def _refuse_another(wanted: Mapping[str, Any], found: Mapping[str, Any], folder: Path) -> None:
+    for name in IDENTITY:
+        now, was = wanted.get(name), found.get(name)
+        if now == was:
+            continue
+        if isinstance(now, dict) and isinstance(was, dict):
+            keys = [k for k in {**was, **now} if was.get(k) != now.get(k)]
+            name, was, now = f"{name}.{keys[0]}", was.get(keys[0]), now.get(keys[0])
+        raise InvalidInput(
+            f"the folder of a sweep must be new or that of the same sweep, {str(folder)!r} has "
+            f"{name} = {was!r:.200}, now it is {now!r:.200}; choose another folder"
+        )
+
+
+def _meaning(found: Mapping[str, Any]) -> Meaning:
+    return Meaning(
+        str(found["kind"]),
+        str(found["unit"]),
+        str(found["title"]),
+        tuple(map(str, found["dims"])),
+        tuple((str(dim), tuple(labels)) for dim, labels in found["labels"]),
+    )
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The whole lines of a file; the last one may not be, where it is still being written."""
+    with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
+        while line := file.readline(LARGEST_LINE):
+            if line.endswith("\n"):
+                yield line[:-1]
+
+
+def _whole_size(file: FileIO) -> int:
+    """The size of a file up to the end of its last whole line."""
+    size = file.seek(0, os.SEEK_END)
+    while size > 0:
+        start = file.seek(max(0, size - BLOCK))
+        end = file.read(size - start).rfind(b"\n")
+        if end >= 0:
+            return start + end + 1
+        size = start
+    return 0

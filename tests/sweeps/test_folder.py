@@ -1,0 +1,266 @@
+"""A sweep's folder: what is done is not done again, whatever happened before."""
+
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+import amoeboid as am
+from amoeboid.sweeps.folder import SweepFolder, read_manifest
+from sweeps import solvers
+
+POINTS = am.grid(v_p0={"linspace": [1, 9, 60]})
+SCRIPT = """
+import sys
+import amoeboid as am
+from sweeps import solvers
+if __name__ == "__main__":
+    points = am.grid(v_p0={"linspace": [1, 9, 60]})
+    am.sweep(points, solvers.slow, folder=sys.argv[1], workers=int(sys.argv[2]) or None)
+"""
+TESTS = Path(__file__).parents[1]
+
+
+def started(folder, workers=0, before=""):
+    """A process that makes the sweep in a folder."""
+    env = {**os.environ, "PYTHONPATH": str(TESTS)}
+    script = folder.with_suffix(".py")
+    script.write_text(before + SCRIPT)
+    return subprocess.Popen(
+        [sys.executable, str(script), str(folder), str(workers)], env=env, stderr=subprocess.PIPE
+    )
+
+
+def lines(folder):
+    """How many lines there are in the files of a folder."""
+    return sum(p.read_bytes().count(b"\n") for p in (folder / "results").glob("*.jsonl"))
+
+
+def killed(folder, kills, workers, seed=0):
+    """Make the sweep with that many kills at random moments; how many have hit."""
+    chance, hits = random.Random(seed), 0  # noqa: S311
+    while True:
+        process = started(folder, workers)
+        begun = lines(folder)
+        wanted = begun + chance.randrange(1, 4)
+        while hits < kills and process.poll() is None and lines(folder) < wanted:
+            time.sleep(0.002)
+        if hits < kills and process.poll() is None:
+            time.sleep(chance.uniform(0.0, 0.04))
+            process.send_signal(signal.SIGKILL)
+        process.communicate()
+        if process.returncode == 0:
+            return hits
+        assert process.returncode == -signal.SIGKILL
+        hits += 1
+
+
+@pytest.mark.parametrize(
+    ("kills", "workers"),
+    [
+        (1, 0),
+        pytest.param(20, 0, marks=pytest.mark.slow),
+        pytest.param(20, 2, marks=pytest.mark.slow),
+    ],
+)
+def test_a_killed_sweep_that_is_continued_has_the_same_table_bit_for_bit(tmp_path, kills, workers):
+    am.sweep(POINTS, solvers.slow, folder=tmp_path / "whole")
+    assert killed(tmp_path / "killed", kills, workers) == kills
+    assert solvers.whole(tmp_path / "killed") == solvers.whole(tmp_path / "whole")
+    # nothing was computed twice but for what was in flight
+    extra = lines(tmp_path / "killed") - lines(tmp_path / "whole")
+    assert extra <= kills * max(1, 2 * workers)
+
+
+def test_what_is_done_is_not_done_again_and_more_points_are_added(tmp_path):
+    counted = []
+
+    def solver(p):
+        counted.append(p.v_p0)
+        return p.v_p0
+
+    for values, new in (([1, 2], 2), ([1, 2], 0), ([2, 3, 1], 1), ([2, 2.5], 1)):
+        before = len(counted)
+        found = am.sweep(am.grid(v_p0=values), solver, folder=tmp_path / "a", key="1")
+        assert len(counted) - before == new
+        assert found["value"].values.tolist() == values
+    # the same cells are reached in another way
+    found = am.sweep(am.grid(v_p0=[1, 2], D=[0.03]), solver, folder=tmp_path / "a", key="1")
+    assert len(counted) == 4
+    assert found.complete
+
+
+def test_results_of_other_code_are_computed_anew(tmp_path):
+    points = am.grid(v_p0=[1, 2])
+    am.sweep(points, lambda p: p.v_p0, folder=tmp_path / "a", key="1")
+    found = am.sweep(points, lambda p: {"value": "two"}, folder=tmp_path / "a", key="2")
+    assert found["value"].values.tolist() == ["two", "two"]
+
+
+def test_a_changed_file_of_a_solver_is_other_code(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    file = tmp_path / "my_solver_of_a_test.py"
+    file.write_text("def f(p):\n    return 1\n")
+    import my_solver_of_a_test
+
+    am.sweep(am.grid(v_p0=[1]), my_solver_of_a_test.f, folder=tmp_path / "a")
+    first = read_manifest(tmp_path / "a")["code"]
+    file.write_text("def f(p):\n    return 1 + 1\n")
+    am.sweep(am.grid(v_p0=[1]), my_solver_of_a_test.f, folder=tmp_path / "a")
+    assert read_manifest(tmp_path / "a")["code"] != first
+
+
+def test_failures_are_kept_and_computed_again_if_asked_for(tmp_path):
+    counted = []
+
+    def solver(p):
+        counted.append(p.v_p0)
+        if p.v_p0 == 2 and len(counted) < 4:
+            raise ValueError("not yet")
+        if p.v_p0 == 3 and len(counted) < 4:
+            raise OSError("no room")
+        return p.v_p0
+
+    points = am.grid(v_p0=[1, 2, 3])
+    found = am.sweep(points, solver, folder=tmp_path / "a", key="1")
+    assert found.counts == {"ok": 1, "failed": 2}
+    # what the machine lacked may be there now
+    found = am.sweep(points, solver, folder=tmp_path / "a", key="1")
+    assert (counted[3:], found.counts) == ([3.0], {"ok": 2, "failed": 1})
+    found = am.sweep(points, solver, folder=tmp_path / "a", key="1", retry=True)
+    assert (counted[4:], found.counts) == ([2.0], {"ok": 3})
+
+
+def test_a_full_disk_ends_the_sweep_and_what_is_done_is_kept(tmp_path):
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "whole")
+    limit = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (7000, {2**40}))\n"
+    process = started(tmp_path / "full", 0, limit)
+    assert b"File too large" in process.communicate()[1]
+    (file,) = (tmp_path / "full" / "results").glob("*.jsonl")
+    assert 0 < file.stat().st_size <= 7000
+    assert file.read_bytes().endswith(b"\n")
+    done = am.load_sweep(tmp_path / "full")
+    assert 0 < done.done < len(done)
+    process = started(tmp_path / "full")
+    process.communicate()
+    again, known = solvers.whole(tmp_path / "full"), solvers.whole(tmp_path / "whole")
+    assert [r["values"] for r in again[0]] == [r["values"] for r in known[0]]
+    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 7000
+
+
+def test_two_processes_on_one_folder_are_refused(tmp_path):
+    process = started(tmp_path / "a")
+    while process.poll() is None and not lines(tmp_path / "a"):
+        time.sleep(0.01)
+    with pytest.raises(am.InvalidInput, match="used by one process at a time"):
+        am.sweep(POINTS, solvers.slow, folder=tmp_path / "a")
+    with pytest.raises(am.InvalidInput, match="used by one process at a time"):
+        am.sweep(POINTS, solvers.slow, folder=tmp_path / "a", shard=(1, 2))
+    process.communicate()
+    assert process.returncode == 0
+    assert am.load_sweep(tmp_path / "a").complete
+
+
+def test_shards_share_the_points_and_merge(tmp_path):
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "whole")
+    for k in (2, 3, 1):
+        found = am.sweep(POINTS, solvers.square, folder=tmp_path / "a", shard=(k, 3))
+    assert found.done == 60
+    assert not (tmp_path / "a" / "sweep.nc").exists()
+    counts = [lines_of(tmp_path / "a" / "results" / f"{k}-of-3.jsonl") for k in (1, 2, 3)]
+    assert counts == [21, 21, 21]  # 20 points each, and what the names mean
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "a")  # all is done: the table alone
+    assert solvers.whole(tmp_path / "a") == solvers.whole(tmp_path / "whole")
+
+
+def lines_of(path):
+    """How many lines a file has."""
+    return path.read_bytes().count(b"\n")
+
+
+def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):
+    am.sweep(am.grid(v_p0=[1, 2, 3]), solvers.square, folder=tmp_path / "a", shard=(1, 2))
+    found = am.load_sweep(tmp_path / "a")
+    assert found["status"].values.tolist() == ["ok", "missing", "ok"]
+    assert not found.complete
+    assert found.done == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"solver": solvers.slow}, "has solver = 'sweeps.solvers.square', now it is"),
+        ({"record": ["square"]}, "has record = None, now it is"),
+        ({"points": am.grid(am.Parameters(D=0.4), v_p0=[1])}, r"has base.D = 0.03, now it is 0.4"),
+    ],
+)
+def test_the_folder_of_another_sweep_is_refused(tmp_path, change, message):
+    am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / "a")
+    given = {"points": am.grid(v_p0=[1]), "solver": solvers.square, **change}
+    with pytest.raises(am.InvalidInput, match=message):
+        am.sweep(folder=tmp_path / "a", **given)
+
+
+def test_folders_of_something_else_and_of_a_newer_format_are_refused(tmp_path):
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    (tmp_path / "file").touch()
+    for name, message in (("mine", "holds 'thesis.tex'"), ("file", "is a file")):
+        with pytest.raises(am.InvalidInput, match=message):
+            am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / name)
+    assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
+    with pytest.raises(am.InvalidInput, match="has none; give the folder"):
+        am.load_sweep(tmp_path / "mine")
+    am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / "a")
+    manifest = tmp_path / "a" / "sweep.json"
+    found = json.loads(manifest.read_text())
+    manifest.write_text(json.dumps(found | {"format_version": 2}))
+    with pytest.raises(am.InvalidInput, match="must be 1 or older, it is 2"):
+        am.load_sweep(tmp_path / "a")
+    with pytest.raises(am.InvalidInput, match="must be 1 or older, it is 2"):
+        am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / "a")
+    for text in ("{", "[]", "{}", "[" * 100000, '{"format": "amoeboid run"}'):
+        manifest.write_text(text)
+        with pytest.raises(am.InvalidInput, match="must be the file of a sweep"):
+            am.load_sweep(tmp_path / "a")
+
+
+def test_damaged_lines_do_not_count(tmp_path):
+    points = am.grid(v_p0=[1, 2, 3])
+    whole = am.sweep(points, solvers.square, folder=tmp_path / "a")
+    file = tmp_path / "a" / "results" / "1-of-1.jsonl"
+    good = file.read_text().splitlines(keepends=True)
+    for bad in (b"\xff\n", b"[1]\n", b'{"key": 3}\n', b'{"meanings": 3}\n', b"[" * 10**5 + b"\n",
+                b'{"key": "a", "status": "x"}\n'):  # fmt: skip
+        file.write_bytes("".join(good[:-1]).encode() + bad + good[-1][:-5].encode())
+        assert am.load_sweep(tmp_path / "a").done == 2
+        again = am.sweep(points, solvers.square, folder=tmp_path / "a")
+        assert again.dataset.identical(whole.dataset)
+
+
+def test_a_law_that_no_file_can_hold_is_refused_with_a_folder(tmp_path):
+    p = am.Parameters(law=lambda c, v_p0, c_r: v_p0 / (1 + c / c_r))
+    with pytest.raises(am.InvalidInput, match="law"):
+        am.sweep(am.grid(p, v_p0=[1]), solvers.square, folder=tmp_path / "a")
+    assert am.sweep(am.grid(p, v_p0=[1]), solvers.square).complete
+
+
+def test_a_point_costs_the_same_however_many_there_are(tmp_path):
+    folder = SweepFolder(tmp_path / "a")
+    manifest = {"format": "amoeboid sweep", "format_version": 1, "code": "1"}
+    row = '{"status":"ok","values":{"x":1.0}}'
+    with folder.opened(manifest, (1, 1)):
+        sizes = []
+        for k in range(3000):
+            folder.add({f"{k:032d}": row}, {})
+            sizes.append((tmp_path / "a" / "results" / "1-of-1.jsonl").stat().st_size)
+    assert {b - a for a, b in pairwise(sizes)} == {len(row) + 32 + 10}
+    assert len(list((tmp_path / "a").rglob("*"))) == 4  # no file for each point
