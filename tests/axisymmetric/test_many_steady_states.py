@@ -8,7 +8,7 @@ import pytest
 
 import amoeboid as am
 from amoeboid.axisymmetric.search import steady_solutions
-from amoeboid.axisymmetric.steady import steady_state
+from amoeboid.axisymmetric.steady import homogeneous, steady_state
 from amoeboid.axisymmetric.unknowns import resampled
 
 jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'amoeboid[gpu]'")
@@ -74,6 +74,16 @@ def test_a_table_of_many_states_has_status_and_parameters(few):
     assert table.attrs["beta"] == 1.0
 
 
+def test_cells_that_come_to_the_sphere_from_a_start_are_told_as_such():
+    p = am.Parameters(D=0.4)
+    found = am.many_steady_states(
+        am.points(p, v_p0=[3.0, 4.0, 4.5, 5.0, 7.0]), start=homogeneous(p),
+        max_modes=32, progress=False,
+    )  # fmt: skip
+    assert found.status.tolist() == ["sphere"] * 5
+    assert "the start led to it" in found.reason(0)
+
+
 def test_the_precision_of_the_users_own_arrays_stays(few):
     assert jax.numpy.ones(3).dtype == np.float32
 
@@ -114,3 +124,25 @@ def test_200_random_cells_agree_with_one_at_a_time():
             assert difference(state, with_as_many_modes(state, other)) < 1e-9
         elif status == "unresolved":
             assert other.n > 64
+
+
+@pytest.mark.slow
+def test_a_law_of_the_user_and_friction_side_by_side_as_one_at_a_time():
+    def hill(c, v_p0, c_r, n=2.0):
+        return v_p0 / (1.0 + np.exp(n * np.log(c / c_r)))
+
+    p = am.Parameters(D=0.3, gamma_t=0.2, gamma_n=0.1, law=hill)
+    cells = am.points(p, v_p0=[30.0, 40.0, 50.0], **{"law.n": [2.0, 2.1, 2.2]})
+    found = am.many_steady_states(cells, progress=False)
+    assert np.any(found.converged)
+    for state in found.states():
+        other = fastest(state.parameters)
+        assert (other.max_retrograde_speed > 0) == state.converged
+        if state.converged:
+            assert difference(state, with_as_many_modes(state, other)) < 1e-9
+            assert state.defects[0] != 0.0  # the drag on the moving frame
+
+
+def test_cells_with_and_without_friction_are_refused_together():
+    with pytest.raises(am.InvalidInput, match="must have friction"):
+        am.many_steady_states(am.points(am.Parameters(), gamma_t=[0.0, 0.1]), progress=False)

@@ -37,6 +37,8 @@ MAX_STEPS = 400
 """Newton steps of a lane in all."""
 NEAR, CLOSE, SMALL = 1e-7, 1e-9, 1e-7
 """Last Newton step at a point of the branch and at the end, and the residual there."""
+UNPOLARIZED = 1e-6
+"""First harmonic of c, in units of c0, up to which a state is the sphere."""
 LONG = 10.0
 """A Newton step longer than this leads nowhere."""
 SAMPLES = 64
@@ -268,12 +270,17 @@ def _where(condition: Any, a: Lane, b: Lane) -> Lane:
 
 
 def _ended(problem: Problem, moved: Lane, tangent: Any) -> Lane:
-    """At the v_p0 asked for: polarization has to grow with v_p0 there, or it is no stable part."""
+    """At the v_p0 asked for: polarization has to grow with v_p0 there, or it is no stable part.
+
+    A lane that has come to the sphere goes back to the branch, if it has one.
+    """
     jnp, k = _jnp(), 2 * problem.n
     rising = moved.z[:, k] * tangent[:, k] * jnp.sign(tangent[:, -1]) > 0
+    polarized = jnp.abs(moved.z[:, k]) > UNPOLARIZED
     back = _shortened(moved)
+    slid = jnp.where(moved.alone & ~polarized, NONE, back.doing)
     found = moved._replace(doing=jnp.full_like(moved.doing, FOUND))
-    return _where(rising, found, back)
+    return _where(rising & polarized, found, back._replace(doing=slid))
 
 
 def _shortened(at: Lane) -> Lane:

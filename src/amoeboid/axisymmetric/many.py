@@ -45,7 +45,8 @@ REASONS = (
     "",
     "Newton's method stalled, however short the steps along the branch",
     "the series of {modes} modes does not resolve the state; allow more modes, or raise D",
-    "the branch that leaves the sphere as v_p0 grows has no state here but the sphere",
+    "only the homogeneous sphere: the branch that leaves it as v_p0 grows has no state here but "
+    "the sphere, or the start led to it",
     "the law has no value at the concentrations of the state",
 )
 
@@ -248,7 +249,8 @@ class _Work:
 
         self._run(problem, all_cells, _at_speed(guess, all_cells.target), cells, keep)
         failed = ended[cells] != FOUND
-        self.status[cells[failed]] = STOPPED
+        slid = ended[cells] == NONE
+        self.status[cells[failed]] = np.where(slid, SPHERE, STOPPED)[failed]
         return failed
 
     def _refined(self) -> None:
