@@ -23,6 +23,7 @@ from amoeboid.observables import center_velocity, polarization
 
 AROUND = 8  # meridians: integrals of products of what varies with cos phi and sin phi are exact
 MIN_MODES = 32  # of the tractions
+MIN_MODE = 1e-10  # of the largest mode of a series: smaller ones are rounding
 CAP_POINTS, CAP_ANGLES = 60, 16  # Gauss points of a cap along the meridian, and around the axis
 
 
@@ -86,9 +87,18 @@ class RevolvedSurface:
         return Points(place, normals, weights * r * size, c, ways)
 
     @cached_property
+    def _body(self) -> StokesBody:
+        """The surface in a fluid, with the modes that its shape and its flow have."""
+        shape = np.abs([self.meridian.r_sines, self.meridian.z_cosines]).max(axis=0)
+        flow = np.abs(self._given[:2]).max(axis=0)
+        present = (shape > MIN_MODE * shape.max()) | (flow > MIN_MODE * flow.max())
+        highest = int(np.flatnonzero(present)[-1]) + 1
+        return StokesBody(self.meridian, max(highest, MIN_MODES))
+
+    @cached_property
     def everywhere(self) -> Points:
         """Points of the whole surface."""
-        body = StokesBody(self.meridian, max(self.meridian.modes, MIN_MODES))
+        body = self._body
         phi = np.arange(AROUND) * (2.0 * np.pi / AROUND)
         r, _, size, *_ = self._on_meridian(body.x)
         weights = body.weights / (r * size) * (2.0 * np.pi / AROUND)
@@ -147,7 +157,7 @@ class RevolvedSurface:
 
     @cached_property
     def _fluid(self) -> tuple[Array, Array]:
-        body = StokesBody(self.meridian, max(self.meridian.modes, MIN_MODES))
+        body = self._body
         r, z, _, n_r, n_z, u, w, *_ = self._on_meridian(body.x)
         one, zero = np.ones_like(r), np.zeros_like(r)
         # axisymmetric: along the axis, around it, the flow, the normal motion

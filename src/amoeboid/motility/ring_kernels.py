@@ -36,12 +36,12 @@ class RingIntegrals:
 
     def of(self, k: int, n: int) -> Array:
         """The integral over the whole ring."""
-        found = self._recurrence(k, n)
+        found = np.array(self._recurrence(k, n))
         found[self._weak] = self._by_rule[k, n]
         return found
 
-    def _elliptic(self, a: Array) -> dict[int, Array]:
-        """Integrals of |d|^-k for k = -3, -1, 1, 3, 5."""
+    def _elliptic(self, a: Array) -> dict[tuple[int, int], Array]:
+        """Integrals (k, 0) of |d|^-k for k = -3, -1, 1, 3, 5."""
         b, gap = self._twice, self._gap
         root = np.sqrt(a + b)
         complement = gap / (a + b)
@@ -49,22 +49,20 @@ class RingIntegrals:
         product = gap * (a + b)  # a^2 - b^2
         one, three, minus = 4.0 * K / root, 4.0 * E / (gap * root), 4.0 * E * root
         return {
-            1: one,
-            3: three,
-            5: (4.0 * a * three - one) / (3.0 * product),
-            -1: minus,
-            -3: (4.0 * a * minus - product * one) / 3.0,
+            (1, 0): one,
+            (3, 0): three,
+            (5, 0): (4.0 * a * three - one) / (3.0 * product),
+            (-1, 0): minus,
+            (-3, 0): (4.0 * a * minus - product * one) / 3.0,
         }
 
     def _recurrence(self, k: int, n: int) -> Array:
-        """From |d|^2 = gap + 2 r r0 t."""
-        if n == 0:
-            return np.array(self._known[k])
-        if (k, n) == (-3, 1):  # not needed to more than this power
-            raise ValueError("no integral of this power")
-        lower = self._recurrence(k - 2, n - 1) - self._gap * self._recurrence(k, n - 1)
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            return np.asarray(lower / self._twice)
+        """From |d|^2 = gap + 2 r r0 t; without meaning where the kernel varies little."""
+        if (k, n) not in self._known:
+            lower = self._recurrence(k - 2, n - 1) - self._gap * self._recurrence(k, n - 1)
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+                self._known[k, n] = np.asarray(lower / self._twice)
+        return self._known[k, n]
 
     def _trapezoidal(self) -> dict[tuple[int, int], Array]:
         psi = np.linspace(0.0, np.pi, RING_POINTS // 2 + 1)
