@@ -136,7 +136,7 @@ def draw(data: FigureData, axes: Any) -> None:
 
 FIGURE = Figure(
     name="extra_myosin",
-    title="polymerization and myosin, and their inhibition",
+    title="polymerization, myosin, their inhibition",
     source="not in the paper",
     parameters=Parameters(D=0.1),
     compute=compute,
