@@ -161,8 +161,9 @@ def test_an_archive_that_announces_more_than_it_holds_takes_no_memory(folder):
         b'{"a":' * 10**5,
         b'{"status": NaN, "ended": Infinity, "units": [NaN], "unit_sizes": NaN}',
         b'{"status": {"a": []}, "ended": "' + b"x" * 10**6 + b'"}',
+        b'{"status": "finished", "ended": "a\\u0000\\ud800b"}',
     ],
-    ids=["deep lists", "deep objects", "no numbers", "long text"],
+    ids=["deep lists", "deep objects", "no numbers", "long text", "no text"],
 )
 def test_absurd_manifests_leave_the_run_readable(text, folder):
     (folder / "manifest.json").write_bytes(text)
@@ -170,6 +171,7 @@ def test_absurd_manifests_leave_the_run_readable(text, folder):
     assert run["t"][-1] == 0.4
     assert len(repr(run)) < 1000
     assert len(run.ended) <= 2000
+    assert run.ended.encode().count(b"\0") == 0
     assert main(["export", str(folder), "--to", "csv", "-o", str(folder / "out")]) == 0
 
 

@@ -2,6 +2,9 @@
 
 import functools
 import multiprocessing
+import os
+import subprocess
+import sys
 import time
 from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
@@ -24,6 +27,7 @@ def test_processes_of_our_own_give_the_same_bits():
     assert same(am.sweep(POINTS, solvers.square, workers=2))
 
 
+@pytest.mark.slow
 def test_executors_of_the_user_are_used_and_left_open():
     with ThreadPoolExecutor(2) as threads:
         assert same(am.sweep(POINTS, solvers.square, executor=threads))
@@ -48,6 +52,7 @@ def test_a_worker_that_dies_costs_its_point_a_retry_and_is_then_named():
     assert found["value"].values[[0, 1, 3, 4]].tolist() == [9, 16, 36, 49]
 
 
+@pytest.mark.slow
 def test_a_point_that_is_lost_once_has_its_answer_in_the_end(tmp_path, monkeypatch):
     monkeypatch.setenv("AMOEBOID_TEST_MARK", str(tmp_path / "mark"))
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as processes:
@@ -56,6 +61,7 @@ def test_a_point_that_is_lost_once_has_its_answer_in_the_end(tmp_path, monkeypat
     assert found["value"].values.tolist() == [16, 25, 36]
 
 
+@pytest.mark.slow
 def test_a_lost_point_is_tried_again_in_the_next_call(tmp_path, monkeypatch):
     points, folder = am.grid(v_p0=[4, 5, 6]), tmp_path / "a"
     monkeypatch.setenv("AMOEBOID_TEST_MARK", str(tmp_path / "nowhere" / "mark"))  # never made
@@ -133,14 +139,30 @@ def test_dask_gives_the_same_bits():
         assert same(found, points, am.steady_states)
 
 
-@pytest.mark.slow
-def test_dask_names_a_point_that_ends_its_workers():
-    distributed = pytest.importorskip("distributed", reason="distributed is not installed")
-    cluster = distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    )
-    with cluster, distributed.Client(cluster) as client:
+KILLING = """
+import dask
+import amoeboid as am
+from distributed import Client, LocalCluster
+from sweeps import solvers
+
+if __name__ == "__main__":
+    dask.config.set({"distributed.scheduler.allowed-failures": 0})
+    cluster = LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None)
+    with cluster, Client(cluster) as client:
         points = am.grid(v_p0=[3, 4, 5, 6])
-        found = am.sweep(points, solvers.deadly, executor=client.get_executor())
-    assert [f.values for f in found.failed] == [{"v_p0": 5.0}]
-    assert "KilledWorker" in found.failed[0].why
+        print(am.sweep(points, solvers.deadly, executor=client.get_executor()))
+"""
+
+
+@pytest.mark.slow
+def test_dask_names_a_point_that_ends_its_workers(tmp_path):
+    pytest.importorskip("distributed", reason="distributed is not installed")
+    script = tmp_path / "script.py"
+    script.write_text(KILLING)
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    found = subprocess.run(
+        [sys.executable, str(script)], env=env, capture_output=True, text=True, check=True
+    )
+    heading, *failures = found.stdout.splitlines()
+    assert heading.endswith(": 1 failed, 3 ok")
+    assert failures[0].startswith("- v_p0 = 5: lost twice: KilledWorker: ")

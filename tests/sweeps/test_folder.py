@@ -29,11 +29,11 @@ if __name__ == "__main__":
 TESTS = Path(__file__).parents[1]
 
 
-def started(folder, workers=0, before=""):
+def started(folder, workers=0):
     """A process that makes the sweep in a folder."""
     env = {**os.environ, "PYTHONPATH": str(TESTS)}
     script = folder.with_suffix(".py")
-    script.write_text(before + SCRIPT)
+    script.write_text(SCRIPT)
     return subprocess.Popen(
         [sys.executable, str(script), str(folder), str(workers)], env=env, stderr=subprocess.PIPE
     )
@@ -139,31 +139,51 @@ def test_failures_are_kept_and_computed_again_if_asked_for(tmp_path):
     assert (counted[4:], found.counts) == ([2.0], {"ok": 3})
 
 
-def test_a_full_disk_ends_the_sweep_and_what_is_done_is_kept(tmp_path):
-    am.sweep(POINTS, solvers.square, folder=tmp_path / "whole")
-    limit = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (7000, {2**40}))\n"
-    process = started(tmp_path / "full", 0, limit)
-    assert b"File too large" in process.communicate()[1]
+@pytest.fixture
+def full_disk():
+    """Files cannot grow beyond 7000 bytes, until `full_disk` is called with no limit."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (7000, hard))
+    yield lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+
+
+def test_a_full_disk_ends_the_sweep_and_what_is_done_is_kept(tmp_path, full_disk):
+    with pytest.raises(OSError, match="File too large"):
+        am.sweep(POINTS, solvers.square, folder=tmp_path / "full")
+    full_disk()
     (file,) = (tmp_path / "full" / "results").glob("*.jsonl")
     assert 0 < file.stat().st_size <= 7000
     assert file.read_bytes().endswith(b"\n")
-    done = am.load_sweep(tmp_path / "full")
-    assert 0 < done.done < len(done)
-    process = started(tmp_path / "full")
-    process.communicate()
-    again, known = solvers.whole(tmp_path / "full"), solvers.whole(tmp_path / "whole")
-    assert [r["values"] for r in again[0]] == [r["values"] for r in known[0]]
-    assert resource.getrlimit(resource.RLIMIT_FSIZE)[0] != 7000
+    assert 0 < am.load_sweep(tmp_path / "full").done < len(POINTS)
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "full")
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "whole")
+    assert solvers.whole(tmp_path / "full") == solvers.whole(tmp_path / "whole")
 
 
 def test_two_processes_on_one_folder_are_refused(tmp_path):
+    am.sweep(POINTS, solvers.square, folder=tmp_path / "a")
+    manifest = read_manifest(tmp_path / "a")
+    refused = pytest.raises(am.InvalidInput, match="used by one process at a time")
+    with SweepFolder(tmp_path / "a").opened(manifest, (1, 1)):
+        for shard in (None, (1, 2)):
+            with refused:
+                am.sweep(POINTS, solvers.square, folder=tmp_path / "a", shard=shard)
+    with SweepFolder(tmp_path / "a").opened(manifest, (1, 2)):
+        for shard in (None, (1, 2)):
+            with refused:
+                am.sweep(POINTS, solvers.square, folder=tmp_path / "a", shard=shard)
+        am.sweep(POINTS, solvers.square, folder=tmp_path / "a", shard=(2, 2))
+    assert am.sweep(POINTS, solvers.square, folder=tmp_path / "a").complete
+
+
+@pytest.mark.slow
+def test_a_second_process_is_refused_while_the_first_is_at_work(tmp_path):
     process = started(tmp_path / "a")
     while process.poll() is None and not lines(tmp_path / "a"):
         time.sleep(0.01)
     with pytest.raises(am.InvalidInput, match="used by one process at a time"):
         am.sweep(POINTS, solvers.slow, folder=tmp_path / "a")
-    with pytest.raises(am.InvalidInput, match="used by one process at a time"):
-        am.sweep(POINTS, solvers.slow, folder=tmp_path / "a", shard=(1, 2))
     process.communicate()
     assert process.returncode == 0
     assert am.load_sweep(tmp_path / "a").complete

@@ -64,8 +64,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.epilog = (
         "The file has tables [base] (parameters that stay), [vary] (those that vary: lists, or\n"
         "{linspace = [4, 8, 41]}, {logspace = [0.01, 1, 20]}), [solver] with name = theory,\n"
-        "steady, branch or simulate, and [record] with names; [sobol] with count and seed takes\n"
-        "random points, [refine] with label and depth refines a grid. See docs/sweeps.md.\n"
+        "steady, branch, simulate or motility, and [record] with names; [sobol] with count and\n"
+        "seed takes random points, [refine] with label and depth refines a grid. See\n"
+        "docs/sweeps.md.\n"
         "DIR/sweep.nc has all answers with their units, and the status of every point. Points\n"
         "that fail are named, with the reason; the others are computed.\n"
         "Exit code 0: finished, also if points failed. 1: --merge found points that are missing.\n"

@@ -13,7 +13,7 @@ from importlib.util import find_spec, resolve_name
 from pathlib import Path
 from typing import Any
 
-WITHOUT_RESULTS = ("cli", "figures", "plotting")
+WITHOUT_RESULTS = ("cli", "exports", "figures", "plotting")
 """Folders of the package that no result depends on, besides what its own file imports of them."""
 
 INSTALLED = "site-packages"

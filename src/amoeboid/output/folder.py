@@ -373,9 +373,11 @@ def _check_format(folder: Path, manifest: dict[str, Any]) -> None:
 
 
 def told(manifest: dict[str, Any], name: str, instead: str) -> str:
-    """A text of a manifest; `instead` where it has none."""
+    """A text of a manifest, as files and terminals take it; `instead` where it has none."""
     found = manifest.get(name)
-    return found[:MAX_WORDS] if isinstance(found, str) else instead
+    if not isinstance(found, str):
+        return instead
+    return found[:MAX_WORDS].replace("\0", "").encode(errors="replace").decode()
 
 
 def stored_units(manifest: dict[str, Any]) -> dict[str, str | None]:

@@ -88,7 +88,7 @@ def _draw_map(axes: Any, sweep: Sweep, name: str) -> None:
         table = [array.reshape(shape) for array in (x, y, numbers)]
         image = axes.pcolormesh(*table, shading="nearest", cmap=COLOR_MAP)
     else:
-        image = axes.scatter(x, y, c=numbers, s=14, cmap=COLOR_MAP)
+        image = axes.scatter(x, y, c=numbers, s=14, cmap=COLOR_MAP, ec=INK, lw=0.3)
     bar = axes.figure.colorbar(image, ax=axes)
     unit = column.meaning.unit
     bar.set_label(with_unit(name, unit) if unit else name)

@@ -21,6 +21,7 @@ from amoeboid.motility.surfaces import TANGENTIAL
 from amoeboid.motility.words import environment
 from amoeboid.observables import max_retrograde_speed
 from amoeboid.studies.columns import Column, frame
+from amoeboid.studies.recorded import Recorded
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
@@ -183,6 +184,13 @@ class Migration:
                 label = f"{name}_{ending}" if ending else name
                 found[label] = Column(np.array([values[place]]), self.unit(name))
         return found
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: `columns`, a number each."""
+        return {
+            name: Recorded(c.values.item(), c.unit, name.replace("_", " "))
+            for name, c in self.columns.items()
+        }
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame of one row; its `attrs["units"]` holds the units."""

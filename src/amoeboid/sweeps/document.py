@@ -15,10 +15,12 @@ from typing import Any
 
 from amoeboid.config import SECTIONS, Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
+from amoeboid.motility.words import environment
 from amoeboid.runs.branches import branch
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
 from amoeboid.studies.branch import checked_window
+from amoeboid.studies.migration import Migration, migrate
 from amoeboid.studies.states import steady_states
 from amoeboid.studies.theory import theory
 from amoeboid.sweeps.points import Base, Points, grid, paired, sobol
@@ -181,10 +183,25 @@ def _simulate(base: Parameters, given: Mapping[str, Any], folder: Path) -> Made:
     return simulate, anchored(configured(Config(parameters=base), given), folder)
 
 
+def _motility(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
+    refuse_unknown(given, ("name", "in"), "key of [solver] motility")
+    word = given.get("in", "fluid")
+    if not isinstance(word, str):
+        raise InvalidInput(f"[solver] in must be an environment such as 'fluid', got {word!r:.100}")
+    environment(word)
+    return partial(migration, word=word), base
+
+
+def migration(p: Parameters, word: str) -> Migration:
+    """Where the fastest stable axisymmetric state goes in an environment. Raises InvalidInput."""
+    return migrate(steady_states(p, (1,)).fastest_stable, word)
+
+
 SOLVERS: dict[str, Callable[[Parameters, Mapping[str, Any], Path], Made]] = {
     "theory": _theory,
     "steady": _steady,
     "branch": _branch,
     "simulate": _simulate,
+    "motility": _motility,
 }
 """What [solver] may name: what makes a solver, and its base, of the other keys."""

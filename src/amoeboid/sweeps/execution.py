@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 from amoeboid.sweeps.evaluation import Meanings, Solver, evaluated, failure
@@ -109,7 +110,7 @@ class Parallel:
         attempt = max(self._tries.get(k, 0) for k in places)
         task = (self._solver, [self._cells[k] for k in places], attempt)
         try:
-            future = self._executor.submit(evaluated, *task)
+            future = submitting(self._executor)(evaluated, *task)
         except BrokenProcessPool:  # it broke since the last look
             self._replace()
             future = self._executor.submit(evaluated, *task)
@@ -164,7 +165,7 @@ class Parallel:
     def _works(self) -> bool:
         """Whether workers can have the solver at all."""
         try:
-            return bool(self._executor.submit(_has, self._solver).result())
+            return bool(submitting(self._executor)(_has, self._solver).result())
         except Exception:
             return False
 
@@ -176,6 +177,18 @@ class Parallel:
             end(self._executor)
         context = getattr(self._executor, "_mp_context", None)
         self._executor, self._own = own_processes(int(self._width or 1), context), True
+
+
+def submitting(executor: Any) -> Callable[..., Any]:
+    """The function that gives an executor a task.
+
+    Of Dask it is that of the client: a future of Dask's executor never ends if its worker dies
+    between the end of the task and the transfer of its result.
+    """
+    client = getattr(executor, "_client", None)
+    if type(executor).__name__ == "ClientExecutor" and client is not None:
+        return partial(client.submit, **getattr(executor, "_kwargs", {}))
+    return executor.submit
 
 
 def own_processes(workers: int, context: Any = None) -> ProcessPoolExecutor:

@@ -95,8 +95,13 @@ def sweep(
         retry,
         key,
     )
-    with run.storing(first), _reported(progress) as report:
-        found = run.made(first, report) if plan is None else _refined(run, plan, report)
+    try:
+        with run.storing(first), _reported(progress) as report:
+            found = run.made(first, report) if plan is None else _refined(run, plan, report)
+    except KeyboardInterrupt as stop:
+        if place is not None:
+            stop.add_note(f"what is done is kept in {str(place)!r}; the same call goes on")
+        raise
     if place is not None and part == WHOLE:
         found.save(place / TABLE)
     return found
@@ -155,7 +160,7 @@ class _Run:
             else:
                 known.update(rows)
                 meanings.update({n: joined(n, meanings.get(n), m) for n, m in new.items()})
-            self._fresh |= rows.keys()
+            self._fresh.update(rows)
             done += len(places)
             report(done, total)
 

@@ -1,0 +1,106 @@
+"""Sweeps: two processes and two workers of Dask against one; memory; many processes at once.
+
+    python -m benchmarks.sweep speed [POINTS]       200 points: ratios of times, the same bits
+    python -m benchmarks.sweep memory [RUNS]        1000 short 3D runs: resident memory
+    python -m benchmarks.sweep start [PROCESSES]    20 processes on an empty folder of kernels
+
+A ratio is that of two times of one call; other programs on the machine change it.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import os
+import sys
+import tempfile
+import time
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+import amoeboid as am
+
+P = am.Parameters(D=0.4)
+SHORT = functools.partial(am.simulate, mesh=am.Icosphere(1), until=am.time(0.2), progress=False)
+WARM = 100  # runs after which memory is looked at for the first time
+
+
+@contextmanager
+def dask_workers(count: int):
+    """An executor on workers of Dask, each with one thread."""
+    from distributed import Client, LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+    )
+    with cluster, Client(cluster) as client:
+        yield client.get_executor()
+
+
+def timed(points: am.Points, executor: Executor | None = None, workers: int | None = None):
+    """Seconds that a sweep takes, and its lines."""
+    begun = time.monotonic()
+    found = am.sweep(points, am.theory, executor=executor, workers=workers)
+    return time.monotonic() - begun, found.rows
+
+
+def speed(count: int = 200) -> dict[str, object]:
+    """Ratios of the times of a serial sweep and of two workers, which include their start."""
+    points = am.grid(P, v_p0=np.linspace(3, 8, count))
+    am.theory(P)  # its imports are no part of the serial time
+    alone, rows = timed(points)
+    processes, of_processes = timed(points, workers=2)
+    with dask_workers(2) as executor:
+        dask, of_dask = timed(points, executor)
+    assert rows == of_processes == of_dask
+    return {
+        "points": count,
+        "serial_over_two_processes": alone / processes,
+        "serial_over_two_dask_workers": alone / dask,
+        "same_bits": True,
+        "load": os.getloadavg()[0],
+    }
+
+
+def resident() -> float:
+    """Resident memory of this process [MB]."""
+    pages = int(Path("/proc/self/statm").read_text().split()[1])
+    return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+
+def memory(runs: int = 1000) -> dict[str, object]:
+    """Resident memory along short 3D runs of one process [MB], ten times on the way."""
+    seen: list[float] = []
+
+    def look(done: int, total: int) -> None:
+        if done >= WARM and done % max(1, total // 10) == 0:
+            seen.append(round(resident(), 1))
+
+    found = am.sweep(am.grid(P, v_p0=np.linspace(3, 8, runs)), SHORT, progress=look)
+    assert found.counts == {"ok": runs}
+    grown = (seen[-1] - seen[0]) / (runs - WARM) * 1e3
+    return {"runs": runs, "resident_MB": seen, "growth_kB_per_run": grown}
+
+
+def start(processes: int = 20) -> dict[str, object]:
+    """Processes that start at once, and find no kernels compiled."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["NUMBA_CACHE_DIR"] = folder
+        begun = time.monotonic()
+        points = am.grid(P, v_p0=np.linspace(3, 8, processes))
+        found = am.sweep(points, SHORT, workers=processes, points_per_task=1)
+        kernels = [p.name for p in Path(folder).rglob("*") if p.is_file()]
+        return {
+            "processes": processes,
+            "counts": found.counts,
+            "seconds": time.monotonic() - begun,
+            "files_of_kernels": len(kernels),
+        }
+
+
+if __name__ == "__main__":
+    task = {"speed": speed, "memory": memory, "start": start}[sys.argv[1]]
+    print(json.dumps(task(*map(int, sys.argv[2:]))))
