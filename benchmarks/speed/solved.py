@@ -1,7 +1,12 @@
-"""Steady states, their stability and branches: solved for, against a run that waits for them."""
+"""Steady states, their stability and branches: solved for, against a run that waits for them.
+
+python -m benchmarks.speed.solved 3 4 5 6    # this alone, figure 3D; one line of JSON a mesh
+"""
 
 from __future__ import annotations
 
+import json
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -95,3 +100,15 @@ def _still(config: Config, cell: InitialCell | None) -> Step:
     finally:
         step_length.leading_growth_rate = known
     return last
+
+
+def main(subdivisions: list[int]) -> None:
+    """Print what is measured on every mesh as soon as it is."""
+    for n in subdivisions:
+        config = Config(parameters=Parameters(D=0.4, v_p0=6.0))
+        print(json.dumps({**solved_against_run(config, n), "branch": branch_of_figure_3b(n)}))
+        sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main([int(word) for word in sys.argv[1:]])

@@ -45,6 +45,7 @@ from amoeboid.validation import (
 
 POINT_AT_AN_END = re.compile(r"[+-]?(?:\d+\.|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 SCHEMES = ("semi-implicit", "explicit")
+FINISHES = ("wait", "solve")
 # The step of the explicit scheme in the paper, in units of 1/rate.
 EXPLICIT_STEP = 1e-5
 # Shortest steps that are made, in units of 1/rate. In explicit ones what they put right of the
@@ -132,6 +133,11 @@ class Time:
     )
     stop_when_steady: bool = flag(
         True, "end the run once it is steady: nothing changes, and no perturbation grows"
+    )
+    finish: str = choice(
+        "wait",
+        "how a run becomes steady: it waits for it, or solves for the steady cell once it is near",
+        FINISHES,
     )
     until: tuple[str, ...] = texts(
         "conditions that end the run too, such as 'polarity > 0.5'", condition

@@ -160,6 +160,17 @@ def test_a_straight_cell_that_its_mesh_turns_is_on_no_circle():
     assert (cell.path, cell.radius_of_curvature) == ("straight", np.inf)
 
 
+def test_the_cue_of_a_run_acts_on_the_steady_cell_of_its_end():
+    """It moves along the cue; nothing holds a cell that no cue acts on."""
+    cue = am.Cue(strength=0.1, direction=(1.0, 0.0, 0.3))
+    run = am.simulate(STIFF, mesh=am.Icosphere(1), cue=cue, until=[am.steady(), am.time(40.0)])
+    cell = am.steady_state(run.parameters, start=run.final)
+    assert cell.c_rear == pytest.approx(run.final.c_rear, rel=1e-5)
+    assert cell.stability == "stable"
+    # of a neighbour, too
+    assert am.steady_state(run.parameters.replace(v_p0=6.2), start=cell).model.cue == cue
+
+
 def test_an_iteration_that_does_not_converge_is_refused(monkeypatch):
     cell = steady(STIFF, 1)
     monkeypatch.setattr(steady_module, "MAX_ITERATIONS", 3)

@@ -194,5 +194,4 @@ def _print_branch(found: Branch, names: Sequence[str]) -> None:
         say(f"fold at {name} = {at}, max_retrograde_speed = {speed}")
     for point in found.bifurcations:
         at = text(p, point.number, dimension, ".9g")
-        mode = "" if point.m is None else f" of m = {point.m}"
-        say(f"{point.kind}{mode} at {name} = {at}")
+        say(f"{point.what} at {name} = {at}")

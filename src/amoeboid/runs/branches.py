@@ -8,18 +8,15 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters
-from amoeboid.observables import OBSERVABLES, polarization
-from amoeboid.runs.steady_cell import PATH, SteadyCell, found_from, refuse_mesh, shown_cell, started
+from amoeboid.runs.bifurcations import bifurcation, neutral_between
+from amoeboid.runs.cell_branch import CellBifurcation, CellBranch
+from amoeboid.runs.steady_cell import SteadyCell, found_from, refuse_mesh, shown_cell, started
 from amoeboid.studies import branch as axisymmetric
 from amoeboid.studies.branch import (
-    BIFURCATION,
     FOLD,
     HOPF,
     MAX_POINTS,
@@ -29,14 +26,7 @@ from amoeboid.studies.branch import (
     checked_options,
     checked_window,
 )
-from amoeboid.studies.columns import (
-    Column,
-    column,
-    physical_number,
-    text,
-    titled,
-    with_units,
-)
+from amoeboid.studies.columns import text, with_units
 from amoeboid.studies.states import steady_states
 from amoeboid.surface.branches import FIRST, MIN_POLARITY, Followed, Options, branch_from
 from amoeboid.surface.model import Model
@@ -45,86 +35,10 @@ from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_pla
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput
 
-# Where a branch gains or loses stability, the growth rate is found to this error, in units of the
-# rate, and q to this share of its scale.
-MAX_ERROR, EXACT, MAX_TRIALS = 1e-4, 1e-6, 12
 # The amplitudes of a mode, as root mean squares, that are tried to leave a branch with.
 AMPLITUDES = (3e-3, 1e-3, 1e-2)
-ORDERS, BANDS = 4, 8
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class CellBifurcation(SpecialPoint):
-    """A point of a branch of 3D cells where a mode (2V,) is neutral: another branch meets it.
-
-    `branch(..., through=point)` follows that one.
-    """
-
-    mode: Array
-
-
-class CellBranch(Branch):
-    """A branch of 3D cells: see `Branch`. Its states are `SteadyCell`s.
-
-    `turning`, `radius_of_curvature` and `torsion` of the paths are arrays along it, too, and
-    `growth_rate`. Where `branch` was told to leave the stability out, that of a state is found when
-    it is asked for, and there are no bifurcations.
-    """
-
-    def rows(
-        self, states: Sequence[Any], names: Sequence[str]
-    ) -> tuple[list[str], list[list[str]]]:
-        """Titles and cells of a table of cells: observables, turning, stability, growth rate."""
-        p = self.parameters
-        shown = (*names, "turning", "growth_rate")
-        columns = [
-            column(p, [state.number(name) for state in states], self.dimension(name))
-            for name in shown
-        ]
-        titles = [
-            titled(name, "" if p.units is None else c.unit)
-            for name, c in zip(shown, columns, strict=True)
-        ]
-        cells = zip(*(c.texts for c in columns), (s.stability for s in states), strict=True)
-        return [*titles, "stability"], [list(row) for row in cells]
-
-    def stability_of(self, state: Any, neutral: int | None = -1) -> dict[str, Any]:
-        """What programs read of the stability of a cell, and of its path."""
-        p, rate = self.parameters, state.number("growth_rate")
-        rate = None if np.isnan(rate) else physical_number(p, rate, "1/T")
-        return {
-            "path": state.path,
-            "turning": physical_number(p, state.number("turning"), "1/T"),
-            "stable": state.stable if neutral == -1 else None,
-            "growth_rate": rate,
-        }
-
-    def _stable_count(self, piece: Sequence[Any]) -> str:
-        unknown = sum(state.known_stability is None for state in piece)
-        if unknown:
-            return f", the stability of {unknown} not asked for"
-        return super()._stable_count(piece)
-
-    @staticmethod
-    def observables() -> tuple[str, ...]:
-        """The names of what every cell has a number for."""
-        known = tuple(name for name, one in OBSERVABLES.items() if not one.vector)
-        return (*known, *PATH)
-
-    @staticmethod
-    def dimension(name: str) -> str | None:
-        """The dimension of such a number; None where none is stated."""
-        return PATH[name] if name in PATH else OBSERVABLES[name].dimension
-
-    def _state_columns(self) -> dict[str, Column]:
-        p, found = self.parameters, {}
-        for name in self.observables():
-            values = [state.number(name) for state in self.states]
-            found[name] = column(p, values, self.dimension(name))
-        found["stable"] = column(p, np.array([s.stable for s in self.states], dtype=bool))
-        found["stability"] = column(p, np.array([s.stability for s in self.states]))
-        found["path"] = column(p, np.array([s.path for s in self.states]))
-        return found
+# Shares of the first step that are tried in turn.
+SHARES = (1.0, 0.3, 0.1)
 
 
 @one_thread
@@ -205,13 +119,23 @@ class _Traced:
         model_at = self._models(model)
         first = found_from(model_at(q), guess, q)
         sides = [end - q for end in self.window if abs(end - q) > 1e-9 * self.options.scale]
-        parts = []
-        for far in sides:
-            side = np.sign(far)
-            step = min(FIRST * self.options.max_step * self.options.scale, abs(far))
-            second = found_from(model_at(q + side * step), first.cell, q + side * step)
-            parts.append(self._followed(model_at, first, second))
-        return parts
+        return [
+            self._followed(model_at, first, self._second(model_at, first, q, far)) for far in sides
+        ]
+
+    def _second(
+        self, model_at: Callable[[float], Model], first: Found, q: float, far: float
+    ) -> Found:
+        """A cell beside the first one, on the way to q + far. Raises NotSteady."""
+        why = NotSteady("")
+        for share in SHARES:
+            length = share * FIRST * self.options.max_step * self.options.scale
+            there = q + float(np.clip(far, -length, length))
+            try:
+                return found_from(model_at(there), first.cell, there)
+            except NotSteady as error:
+                why = error
+        raise why
 
     def _first(self, mesh: Any, through: Any) -> tuple[Model, Moving, float]:
         """The model, a cell and its parameter to begin with. Raises InvalidInput."""
@@ -307,7 +231,7 @@ class _Traced:
                 for behind, ahead in ((back.points[1:], points), (back.folds, folds))
             )
         bifurcations: list[SpecialPoint] = []
-        if begins is not None:
+        if begins is not None and len(points) > 1:
             points = points[1:]
             bifurcations = [replace(begins, name=self.name, piece=0, length=0.0)]
         lengths = tuple(length for length, _ in points)
@@ -348,73 +272,28 @@ class _Traced:
         for (s, a), (t, b) in pairwise(zip(lengths, cells, strict=True)):
             if a.stable == b.stable or any(s < length < t for length, _ in folds):
                 continue
+            p, q = self._value(a), self._value(b)
             try:
-                found.append(self._located(s, a, t, b))
+                neutral = neutral_between(self._cell, (p, a), (q, b), self.options.scale)
             except NotSteady as error:
                 problems.append(f"a bifurcation is not located: {error}")
+                continue
+            length = s + (neutral.q - p) / (q - p) * (t - s)
+            found.append(bifurcation(self.name, neutral, length))
+            if neutral.jumps:
+                problems.append(
+                    f"the mesh joins two branches near {neutral.q:.6g}: that bifurcation is "
+                    f"interpolated between {p:.6g} and {q:.6g}"
+                )
         return found, problems
 
     def _value(self, cell: SteadyCell) -> float:
         return cell.parameters.value(self.name)
 
-    def _located(self, s: float, a: SteadyCell, t: float, b: SteadyCell) -> CellBifurcation:
-        """The point between two cells at which the largest growth rate is zero. Raises NotSteady.
-
-        To the error of that rate: by secants within a bracket, and its halves in turn.
-        """
-        model_at = self._models(a.model)
-        ends = [(self._value(cell), cell.growth(MAX_ERROR)[0].rate, cell) for cell in (a, b)]
-        for count in range(MAX_TRIALS):
-            (p, f, beside), (q, g, _) = ends
-            if f is None or g is None or f * g > 0.0:
-                break
-            share = 0.5 if count % 3 == 2 else float(np.clip(f / (f - g), 0.05, 0.95))
-            at = p + share * (q - p)
-            cell = shown_cell(found_from(model_at(at), _moving(beside), at))
-            growth, mode = cell.growth(MAX_ERROR)
-            if growth.rate is None or mode is None:
-                break
-            exact = abs(q - p) < EXACT * self.options.scale
-            if abs(growth.rate) <= growth.error or exact:
-                share = (at - self._value(a)) / (self._value(b) - self._value(a))
-                return self._bifurcation(cell, mode, s + share * (t - s))
-            ends[0 if growth.rate * f > 0.0 else 1] = (at, growth.rate, cell)
-        low, high = (self._value(cell) for cell in (a, b))
-        raise NotSteady(f"no zero of the growth rate is found between {low:.6g} and {high:.6g}")
-
-    def _bifurcation(
-        self, cell: SteadyCell, mode: NDArray[np.complex128], length: float
-    ) -> CellBifurcation:
-        kind = HOPF if _oscillates(mode) else BIFURCATION
-        real = mode.real if np.abs(mode.real).max() >= np.abs(mode.imag).max() else mode.imag
-        m = _azimuthal_number(cell, real) if cell.path == "straight" else None
-        return CellBifurcation(kind, self.name, m, cell, 0, length, real)
+    def _cell(self, q: float, beside: SteadyCell) -> SteadyCell:
+        """The cell at q near another one. Raises NotSteady."""
+        return shown_cell(found_from(self._models(beside.model)(q), _moving(beside), q))
 
 
 def _moving(cell: SteadyCell) -> Moving:
     return started(cell.parameters, None, cell)[1]
-
-
-def _oscillates(mode: NDArray[np.complex128]) -> bool:
-    """Whether a mode is more than a real vector times a number."""
-    a, b = mode.real, mode.imag
-    return bool((a @ a) * (b @ b) - (a @ b) ** 2 > 1e-6 * (a @ a + b @ b) ** 2)
-
-
-def _azimuthal_number(cell: SteadyCell, mode: Array) -> int:
-    """The number m of a mode exp(i m phi) about the axis of a straight cell, up to 3."""
-    seen = cell.cell
-    axis = polarization(seen)
-    axis = axis / np.linalg.norm(axis)
-    across = np.linalg.svd(axis[None, :])[2][1:]
-    x = seen.r - volume_centroid(seen.r, seen.faces)
-    height = x @ axis
-    angle = np.arctan2(x @ across[1], x @ across[0])
-    band = np.digitize(height, np.quantile(height, np.linspace(0, 1, BANDS + 1)[1:-1]))
-    weighted = seen.node_areas * mode[: len(height)]
-    sizes = [
-        sum(abs(np.sum((weighted * np.exp(1j * m * angle))[band == k])) ** 2 for k in range(BANDS))
-        * (1 if m == 0 else 2)
-        for m in range(ORDERS)
-    ]
-    return int(np.argmax(sizes))

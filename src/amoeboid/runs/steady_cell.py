@@ -25,7 +25,7 @@ from amoeboid.studies.recorded import Recorded, single, title
 from amoeboid.studies.states import SteadyState, steady_states
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
-from amoeboid.surface.rigid import rotation
+from amoeboid.surface.rigid import rotation, turns
 from amoeboid.surface.stability import MAX_ERROR, Growth, leading_mode
 from amoeboid.surface.state import State
 from amoeboid.surface.steadiness import SLOW_ROTATION
@@ -35,12 +35,11 @@ from amoeboid.validation import InvalidInput
 
 # A cell that is less polar than this share of its start is another one.
 MIN_KEPT = 0.1
-# A path turns if it does so faster than this, in units of rate, and than the mesh turns a straight
-# cell that lies at an angle to its axes, the second number over that of the nodes (observed: 0.0035
-# on 42, 0.0002 on 642). It climbs if its pitch angle is larger than the third.
-MIN_TURNING, ERROR_OF_TURNING, MIN_CLIMB = 1e-3, 3.0, 1e-2
+# A path that turns climbs if its pitch angle is larger than this.
+MIN_CLIMB = 1e-2
 
-PATH = {"turning": "1/T", "radius_of_curvature": "L", "torsion": "1/L", "growth_rate": "1/T"}
+PATH = {"turning": "1/T", "radius_of_curvature": "L", "torsion": "1/L"}
+PATH |= {"growth_rate": "1/T", "frequency": "1/T"}
 """Numbers of a steady cell beside its observables, with their dimensions."""
 
 
@@ -58,28 +57,30 @@ class SteadyCell(Snapshot):
     residual: float
 
     @cached_property
-    def _velocity(self) -> Array:
+    def plain_velocity(self) -> Array:
+        """`velocity` in the units of the solver."""
         return cortex_drag_velocity(self.cell)
 
     @property
-    def _angular_velocity(self) -> Array:
+    def plain_angular_velocity(self) -> Array:
+        """`angular_velocity` in the units of the solver."""
         assert self.state.angular_velocity is not None  # noqa: S101
         return self.state.angular_velocity
 
     @property
     def velocity(self) -> Any:
         """Velocity (3,) of the center of volume if all drag is on the cortex, uniformly [L/T]."""
-        return quantity(self.parameters, self._velocity, "L/T")
+        return quantity(self.parameters, self.plain_velocity, "L/T")
 
     @property
     def angular_velocity(self) -> Any:
         """Angular velocity (3,) with which the cell rotates [1/T]."""
-        return quantity(self.parameters, self._angular_velocity, "1/T")
+        return quantity(self.parameters, self.plain_angular_velocity, "1/T")
 
     @property
     def _turning(self) -> float:
-        speed = float(np.linalg.norm(self._velocity))
-        across = np.cross(self._angular_velocity, self._velocity)
+        speed = float(np.linalg.norm(self.plain_velocity))
+        across = np.cross(self.plain_angular_velocity, self.plain_velocity)
         return float(np.linalg.norm(across)) / speed if speed > 0.0 else 0.0
 
     @property
@@ -99,19 +100,20 @@ class SteadyCell(Snapshot):
 
     @property
     def _turns(self) -> bool:
-        least = max(MIN_TURNING, ERROR_OF_TURNING / len(self.state.c))
-        return self._turning > least * self.model.rate
+        across = np.array([self._turning, 0.0, 0.0])
+        return turns(self.model, across)
 
     @property
     def path(self) -> str:
         """What the path is: "straight", "circle" or "helix".
 
-        Straight if it turns no faster than the mesh may turn it, by some 3/nodes of the rate.
+        Straight if it turns no faster than the mesh may turn it, by up to 10/nodes of the rate:
+        circles as wide as that cannot be told from straight paths on this mesh.
         """
         if not self._turns:
             return "straight"
-        climb = abs(float(self._angular_velocity @ self._velocity))
-        sizes = np.linalg.norm(self._angular_velocity) * np.linalg.norm(self._velocity)
+        climb = abs(float(self.plain_angular_velocity @ self.plain_velocity))
+        sizes = np.linalg.norm(self.plain_angular_velocity) * np.linalg.norm(self.plain_velocity)
         return "helix" if climb > MIN_CLIMB * sizes else "circle"
 
     @cached_property
@@ -125,7 +127,7 @@ class SteadyCell(Snapshot):
         In plain numbers: a mode (2V,) holds c'/(c0 + c) and h/R0 at the nodes.
         """
         x = self.state.r - volume_centroid(self.state.r, self.cell.faces)
-        turning = self._angular_velocity
+        turning = self.plain_angular_velocity
         v_c = self.flow.v_c - rotation(turning, x)
         relative = replace(self.flow, v_c=v_c)
         return leading_mode(self.model, self.state, relative, max_error=max_error, turning=turning)
@@ -135,6 +137,15 @@ class SteadyCell(Snapshot):
         """Growth rate of the fastest perturbation [1/T]; None if it could not be found."""
         rate = self._growth.rate
         return None if rate is None else quantity(self.parameters, rate, "1/T")
+
+    @property
+    def frequency(self) -> Any:
+        """Angular frequency [1/T] with which the fastest perturbation oscillates, 0 if it does not.
+
+        Seen from the cell, which turns; None if the perturbation could not be found.
+        """
+        known = self._growth.rate is not None
+        return quantity(self.parameters, self._growth.frequency, "1/T") if known else None
 
     @property
     def growth_rate_error(self) -> Any:
@@ -193,15 +204,18 @@ class SteadyCell(Snapshot):
 
     def number(self, name: str) -> float:
         """An observable, or a number of `PATH`, as a plain number in the units of the solver."""
-        if name == "growth_rate":
-            return float("nan") if self._growth.rate is None else self._growth.rate
+        if name in ("growth_rate", "frequency"):
+            known = self._growth.rate
+            if known is None:
+                return float("nan")
+            return known if name == "growth_rate" else self._growth.frequency
         if name == "turning":
             return self._turning
+        v, omega = self.plain_velocity, self.plain_angular_velocity
         if name == "radius_of_curvature":
-            return float(np.linalg.norm(self._velocity)) / self._turning if self._turns else np.inf
+            return float(np.linalg.norm(v)) / self._turning if self._turns else np.inf
         if name == "torsion":
-            square = float(self._velocity @ self._velocity)
-            return float(self._angular_velocity @ self._velocity) / square if self._turns else 0.0
+            return float(omega @ v) / float(v @ v) if self._turns else 0.0
         return OBSERVABLES[name].values(name, self.cell)[0]
 
     def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
@@ -243,8 +257,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
     axisymmetric state, a stable one if there is one. An axisymmetric one is laid on `mesh`,
     `Icosphere(n)` (3 if left out), the others have their own. From a cell on a circle or a helix
     it finds such a cell, with its velocity and angular velocity. Unstable cells are found, too.
-    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. No
-    cue acts on the cell, also where one did in the run that it comes from.
+    Without turnover the filament number is c0 A0, that of the sphere, whatever the start has. The
+    cue that acts on a start from a run acts on the cell, too, in the direction that it has there.
 
     Raises InvalidInput where the iterations lead to no steady cell, or from a polarized cell to
     the homogeneous one: a nearer start is needed then.
@@ -294,7 +308,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
     if isinstance(state, State) and flow is not None:  # a snapshot of any kind
         refuse_mesh(mesh)
         old, faces = start.model, start.model.mesh.faces
-        model = Model(p, old.mesh, old.edge_length, solvers=old.solvers)
+        model = Model(p, old.mesh, old.edge_length, t=old.t, cue=old.cue, solvers=old.solvers)
         omega = np.zeros(3) if state.angular_velocity is None else state.angular_velocity
         if np.linalg.norm(omega) < SLOW_ROTATION * model.rate and not isinstance(start, SteadyCell):
             omega = np.zeros(3)  # of a straight cell it is an error of the mesh

@@ -24,17 +24,23 @@ from amoeboid.validation import InvalidInput
 Event = Callable[[Step], "bool | str | None"]
 
 END_OF_TIME = "end of time"
+SOLVED = "steady, solved for"
 
 
 @dataclass(frozen=True)
 class Steady:
-    """The cell is steady: nothing changes, and no small perturbation is known to grow."""
+    """The cell is steady: nothing changes, and no small perturbation is known to grow.
 
+    `solve`: once the cell is near a steady one that is stable, this is solved for instead of waited
+    for; see `amoeboid.simulation.finish`.
+    """
+
+    solve: bool = False
     name = "steady"
 
-    def __call__(self, step: Step) -> bool:
-        """Whether the run ends at a step."""
-        return step.steady
+    def __call__(self, step: Step) -> bool | str:
+        """Whether the run ends at a step, and how the cell became steady if it was solved for."""
+        return SOLVED if step.solved else step.steady
 
 
 @dataclass(frozen=True)
@@ -68,9 +74,15 @@ class When:
         return holds(self.condition, step.cell, step.state.t)
 
 
-def steady() -> Steady:
-    """The event that the cell is steady; a run without `time` ends after 200/rate at the latest."""
-    return Steady()
+def steady(solve: bool = False) -> Steady:
+    """The event that the cell is steady; a run without `time` ends after 200/rate at the latest.
+
+    `solve`: once the cell is near a steady one, on a straight path, a circle or a helix, that one
+    is solved for, and if it is stable the run ends with it: at the time at which it was near, with
+    the reason "steady, solved for". It is the same cell but for where its nodes lie: observables
+    differ by the error of the mesh, and by what a run leaves when nothing seems to change.
+    """
+    return Steady(solve)
 
 
 def time(t: Any) -> At:
@@ -100,7 +112,7 @@ MAKERS = (steady, time, when)
 
 def events_of(time: Time) -> list[Event]:
     """The events that a resolved section [time] declares, first those that are told first."""
-    found: list[Event] = [Steady()] if time.stop_when_steady else []
+    found: list[Event] = [Steady(time.finish == "solve")] if time.stop_when_steady else []
     found += [When(text) for text in time.until]
     return [*found, At(time.end)]
 
@@ -172,6 +184,7 @@ def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, 
     ends = [time_of(event.t, p, "time") for event in events if isinstance(event, At)]
     conditions = tuple(event.condition for event in events if isinstance(event, When))
     own = tuple(e for e in events if not isinstance(e, Steady | At | When))
-    stops = any(isinstance(event, Steady) for event in events)
-    time = replace(time, stop_when_steady=stops, until=conditions)
+    steadies = [event for event in events if isinstance(event, Steady)]
+    finish = "solve" if any(event.solve for event in steadies) else "wait"
+    time = replace(time, stop_when_steady=bool(steadies), finish=finish, until=conditions)
     return (replace(time, end=min(ends)) if ends else time), own

@@ -23,7 +23,8 @@ class Step:
     concentration in units of model.rate; `rest` is None as long as the cell or one of its
     parameters changes, and for an initial state; `ended` says why the run ends here, None if it
     goes on; `tried`: the nodes (V, 3) of the last attempt to make a better mesh, if it failed;
-    `adapted`, of an initial state: what was done to a shape from a file.
+    `adapted`, of an initial state: what was done to a shape from a file; `solved`: the state is a
+    steady one that was solved for from that of the step.
     """
 
     number: int
@@ -37,6 +38,7 @@ class Step:
     ended: str | None = None
     tried: Array | None = None
     adapted: Adaptation | None = None
+    solved: bool = False
 
     def __repr__(self) -> str:
         words = f"t = {self.state.t:.6g}, dt = {self.dt:.3g}, {len(self.state.r)} nodes"

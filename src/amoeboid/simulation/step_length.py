@@ -10,6 +10,7 @@ import numpy as np
 from amoeboid.config import SHORTEST_STEP, Time
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
+from amoeboid.simulation.finish import solved_for
 from amoeboid.simulation.step import Step
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.model import Model
@@ -37,7 +38,11 @@ def next_step(step: Step, time: Time) -> Step:
 
     Raises Diverged if none, however short, can be made.
     """
-    return _explicit(step, time) if time.scheme == "explicit" else _semi_implicit(step, time)
+    if time.scheme == "explicit":
+        return _explicit(step, time)
+    new = _semi_implicit(step, time)
+    solves = time.stop_when_steady and time.finish == "solve"
+    return (solved_for(step, new) if solves else None) or new
 
 
 def _explicit(step: Step, time: Time) -> Step:

@@ -75,8 +75,13 @@ class SpecialPoint:
         at = text(
             self.state.parameters, self.number, self.state.parameters.dimension(self.name), "#.9g"
         )
+        return f"{self.what} at {self.name} = {at}"
+
+    @property
+    def what(self) -> str:
+        """What the point is, in words."""
         mode = "" if self.kind == FOLD or self.m is None else f" of m = {self.m}"
-        return f"{self.kind}{mode} at {self.name} = {at}"
+        return f"{self.kind}{mode}"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

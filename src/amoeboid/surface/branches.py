@@ -18,6 +18,7 @@ from amoeboid.numerics.multistep import extrapolated
 from amoeboid.observables import polarization
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import ImplicitMap
+from amoeboid.surface.rigid import turns
 from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_plane, steady_cell
 
 # After a step of few iterations the next one is longer by this factor, after one of many shorter.
@@ -31,9 +32,9 @@ EXACT, MAX_REFINEMENTS = 1e-9, 8
 # Less polar than this, a cell counts as a sphere; see `observables.polarity`. On a mesh that is not
 # its own mirror image the branches of sphere and polarized cells do not quite meet.
 MIN_POLARITY = 0.05
-
-# A cell that rotates more slowly, in units of its rate, does so by the error of the mesh.
-MIN_ROTATION = 0.02
+# A cell that turned is straight again if it turns more slowly than this share of what the mesh may
+# turn a straight cell by: on some meshes branches of circles pass over into straight cells.
+STRAIGHT = 0.1
 
 ModelAt = Callable[[float], Model]
 
@@ -86,7 +87,7 @@ def branch_from(
         for length, found in follow(model_at, first, second, options):
             seen(len(points), found)
             met = _meets_sphere(points[-1][1], found)
-            mirrored = _turns_back([one for _, one in points], found)
+            mirrored = _turned_enough([one for _, one in points], found)
             inside = low <= found.q <= high
             if not (met or mirrored) and inside:
                 points.append((length, found))
@@ -94,7 +95,8 @@ def branch_from(
                 folds += _fold_between(model_at, points[-3:], options.scale)
             if met:
                 origins = (_origin([one for _, one in points[-3:]]),)
-            if not (inside or met or mirrored):
+            left = abs(points[-1][1].q - (low if found.q < low else high))
+            if not (inside or met or mirrored) and left > EXACT * options.scale:
                 points.append(_at_edge(model_at, points[-1], (length, found), (low, high)))
             if met or mirrored or not inside:
                 complete, message = True, ""
@@ -205,12 +207,13 @@ def _meets_sphere(before: Found, after: Found) -> bool:
     return bool(a @ b < 0.0 or np.linalg.norm(b) < MIN_POLARITY)
 
 
-def _turns_back(points: Sequence[Found], after: Found) -> bool:
-    """Whether a cell rotates the other way round than the last one that rotated."""
-    least = MIN_ROTATION * after.model.rate
+def _turned_enough(points: Sequence[Found], after: Found) -> bool:
+    """Whether a cell is straight after others that turned, or turns the other way round."""
+    omega = after.cell.angular_velocity
     known = [one.cell.angular_velocity for one in points]
-    turning = [omega for omega in known if np.linalg.norm(omega) > least]
-    return bool(turning) and bool(turning[-1] @ after.cell.angular_velocity < 0.0)
+    turning = [before for before in known if turns(after.model, before)]
+    straight = not turns(after.model, omega / STRAIGHT)
+    return bool(turning) and (straight or bool(turning[-1] @ omega < 0.0))
 
 
 def _origin(points: Sequence[Found]) -> float:

@@ -24,8 +24,13 @@ from amoeboid.surface.transport import rate_of_change
 MIN_CHANGE = 1e-4
 # Rigid motions that change the cell by less than the first share of the largest change, or by what
 # discretization errors make of a rotation around an axis of symmetry, the second number over that
-# of the nodes, are none: rotations of a sphere or around such an axis.
-MIN_MOTION, ERROR_OF_MOTION = 0.02, 3.0
+# of the nodes (half of it is observed), are none: rotations of a sphere or around such an axis.
+MIN_MOTION, ERROR_OF_MOTION = 0.02, 2.0
+# A cell turns if its angular velocity in units of the rate is larger
+# than these: than the mesh turns a straight cell that lies at an angle to its axes, the second
+# number over that of the nodes. Observed: 0.0035 on 42 nodes and 0.0002 on 642; for soft cells near
+# the onset of circles 0.010 on 642 and 0.003 on 2562.
+MIN_TURNING, ERROR_OF_TURNING = 1e-3, 10.0
 # Angle of a test rotation, and the largest rms change of a cue's factor per radian at which the
 # rotation counts as free.
 TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
@@ -68,6 +73,12 @@ def translations(x: Array) -> list[Array]:
 def rotations(x: Array, axes: Array) -> list[Array]:
     """Velocities of nodes x (V, 3) that rotate with unit angular velocity around `axes` (k, 3)."""
     return [np.cross(axis, x) for axis in axes]
+
+
+def turns(model: Model, angular_velocity: Array) -> bool:
+    """Whether a cell turns by itself, and not by the error of its mesh."""
+    least = max(MIN_TURNING, ERROR_OF_TURNING / model.mesh.n_nodes)
+    return bool(np.linalg.norm(angular_velocity) > least * model.rate)
 
 
 def rigid_changes(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:

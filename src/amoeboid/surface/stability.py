@@ -62,14 +62,16 @@ DEGREE = 3
 class Growth:
     """Growth rate of the fastest growing perturbation of a steady state, and its error [1/T].
 
-    The rate is negative if all perturbations decay; for an oscillating one it is the real part. The
-    error is relative to the discrete cell, without the error of the mesh. If no growth rate was
-    found, `rate` is None, `error` is infinite, and `problem` says why.
+    The rate is negative if all perturbations decay; for an oscillating one it is the real part, and
+    `frequency` the imaginary one, an angular frequency, otherwise 0. The error is that of both,
+    relative to the discrete cell, without the error of the mesh. If no growth rate was found,
+    `rate` is None, `error` is infinite, and `problem` says why.
     """
 
     rate: float | None
     error: float = math.inf
     problem: str = ""
+    frequency: float = 0.0
 
 
 def leading_growth_rate(
@@ -135,7 +137,8 @@ def _with_steps(
         if count < MIN_APPLICATIONS or not len(seen):
             continue
         mu = found.values[seen]
-        rates = ((1.0 - 1.0 / mu) / restricted.dt).real
+        exponents = (1.0 - 1.0 / mu) / restricted.dt
+        rates = exponents.real
         residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
         first = int(np.argmax(rates))
         rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
@@ -147,7 +150,8 @@ def _with_steps(
             error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
         if not np.isfinite(error):
             continue
-        best, mode = Growth(rate, float(error)), found.vector(int(seen[first]))
+        frequency = abs(float(exponents[first].imag))
+        best, mode = Growth(rate, float(error), "", frequency), found.vector(int(seen[first]))
         accurate = error < wanted and (abs(rate) > error or error < smallest)
         # or further applications would not reduce the error
         if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.meshes.geometry import geometry, volume_centroid
+from amoeboid.meshes.geometry import Geometry, geometry, volume_centroid
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import angular_velocity, free_axes, rotation
 from amoeboid.surface.stability import MAX_ERROR, Growth
@@ -41,17 +41,34 @@ class Rest:
     growth: Growth
 
 
+def own_rate(model: Model, state: State, flow: Flow) -> tuple[float, Array]:
+    """Largest relative rate of change in axes that rotate with the cell, in units of model.rate.
+
+    And the angular velocity (3,) of these. A cell on a circle or a helix changes in others.
+    """
+    g = geometry(state.r, model.mesh.faces)
+    x = state.r - volume_centroid(state.r, model.mesh.faces)
+    v, omega = flow.v, np.zeros(3)
+    for _ in range(ROTATION_CORRECTIONS):
+        more = angular_velocity(model, state.r, state.c, g, v)
+        v, omega = v - rotation(more, x), omega + more
+    return _change(model, state, flow, g, v), omega
+
+
+def _change(model: Model, state: State, flow: Flow, g: Geometry, v: Array) -> float:
+    """The largest relative rate of change with velocity v (V, 3), in units of model.rate."""
+    p = model.parameters
+    c_rate = rate_of_change(model, state.c, g, v) / max(p.c0, np.abs(state.c).max())
+    r_rate = np.einsum("vi,vi->v", v, flow.normals) / p.R0
+    return float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
+
+
 def relative_rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
     """Largest relative rate of change, in units of model.rate, and whether the cell is steady."""
     p = model.parameters
     g = geometry(state.r, model.mesh.faces)
     c_scale = max(p.c0, np.abs(state.c).max())
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-
-    def change(v: Array) -> float:
-        c_rate = rate_of_change(model, state.c, g, v) / c_scale
-        r_rate = np.einsum("vi,vi->v", v, flow.normals) / p.R0
-        return float(max(np.abs(c_rate).max(), np.abs(r_rate).max()) / model.rate)
 
     def free(omega: Array) -> Array:
         """The part of an angular velocity about axes on which a cue does not act."""
@@ -60,7 +77,7 @@ def relative_rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
         axes = free_axes(model, state.r)
         return np.asarray(axes.T @ (axes @ omega))
 
-    rate = change(flow.v)
+    rate = _change(model, state, flow, g, flow.v)
     known = np.full(3, np.inf) if state.angular_velocity is None else state.angular_velocity
     if rate >= STEADY and np.linalg.norm(known) < SLOW_ROTATION * model.rate:
         # in axes that rotate with the cell, where a rigidly rotating cell does not change; the
@@ -68,7 +85,7 @@ def relative_rate(model: Model, state: State, flow: Flow) -> tuple[float, bool]:
         v = flow.v - rotation(free(known), x)
         for _ in range(ROTATION_CORRECTIONS):
             v -= rotation(free(angular_velocity(model, state.r, state.c, g, v)), x)
-        rate = min(rate, change(v))
+        rate = min(rate, _change(model, state, flow, g, v))
     # A small polarization that grows at lambda_1 also changes slowly.
     amplitude = np.linalg.norm(3.0 * (g.node_areas * state.c) @ x) / (model.A0 * p.R0 * c_scale)
     growth = model.growth_rate * amplitude / model.rate
