@@ -132,7 +132,7 @@ def test_a_law_of_the_user_and_friction_side_by_side_as_one_at_a_time():
         return v_p0 / (1.0 + np.exp(n * np.log(c / c_r)))
 
     p = am.Parameters(D=0.3, gamma_t=0.2, gamma_n=0.1, law=hill)
-    cells = am.points(p, v_p0=[30.0, 40.0, 50.0], **{"law.n": [2.0, 2.1, 2.2]})
+    cells = am.points(p, v_p0=[4.8, 5.0, 5.2], **{"law.n": [2.0, 2.1, 2.2]})
     found = am.many_steady_states(cells, progress=False)
     assert np.any(found.converged)
     for state in found.states():
