@@ -9,6 +9,7 @@ import pytest
 import amoeboid as am
 from amoeboid.axisymmetric.criticality import criticality
 from amoeboid.axisymmetric.evolution import Dynamics, state_of
+from amoeboid.axisymmetric.onset import onsets_anywhere
 from amoeboid.axisymmetric.shape import shape
 from amoeboid.axisymmetric.spectral import grid
 from amoeboid.axisymmetric.stability import growth_rates, linearization, sphere_block
@@ -222,3 +223,18 @@ def test_fold_of_the_branch_with_friction(forces, fold):
     found = am.branch(p, "v_p0", 0, float(critical_speed(p)) + 0.1, max_step=0.3)
     (first,) = found.folds
     assert first.value == pytest.approx(fold, abs=1e-6)
+
+
+def test_a_branch_in_friction_starts_without_it_and_ends_at_the_fold():
+    p = P.replace(gamma_t=1.881389)
+    (fold,) = am.branch(p, "gamma_n", 0.0, 3.0, max_step=0.4).folds
+    assert fold.value == pytest.approx(1.881389, abs=1e-6)
+
+
+def test_onsets_in_friction_and_contractility_are_those_of_the_theory():
+    p = am.Parameters(D=0.4, v_p0=6.3, gamma_t=1.0)
+    (onset,) = onsets_anywhere(p, "gamma_n")
+    assert growth_rate(p.replace(gamma_n=onset), 1) == pytest.approx(0.0, abs=1e-10)
+    q = am.Parameters(v_p0=2.0)
+    (onset,) = onsets_anywhere(q, "chi")
+    assert growth_rate(q.replace(chi=onset), 1) == pytest.approx(0.0, abs=1e-10)

@@ -77,6 +77,7 @@ def _unit(p: Parameters, name: str) -> float:
         return value
     rate = max(p.beta, p.D / p.R0**2, abs(float(p.v_p(p.c0))) / p.R0)
     stress = (p.eta_s + p.eta_b) * rate / p.R0
+    friction = (p.eta_s + p.eta_b) / p.R0**2
     return {
         "delta_P": stress,
         "eta_b": p.eta_s,
@@ -84,6 +85,11 @@ def _unit(p: Parameters, name: str) -> float:
         "beta": rate,
         "D": rate * p.R0**2,
         "alpha": stress * p.R0 / (p.c0 or p.c_r),
+        "chi": stress * p.R0 / (p.c0 or p.c_r),
+        "kappa": stress * p.R0**3,
+        "gamma_t": friction,
+        "gamma_n": friction,
+        "gamma_c": friction,
     }.get(name) or _unit_of_own(p, name, stress * p.R0, rate * p.R0)
 
 

@@ -1,7 +1,7 @@
-"""Linear response of the homogeneous sphere to a cue v_p(c) (1 + strength cos(theta)).
+"""Linear response of the homogeneous sphere: to a cue v_p(c) (1 + strength cos(theta)), to noise.
 
-Below threshold the sphere is stable, and a weak cue polarizes it in proportion to its strength.
-Derived in docs/theory.md.
+Below threshold the sphere is stable, and a weak cue polarizes it in proportion to its strength;
+shot noise of the filaments keeps up a polarization. Derived in docs/theory.md.
 """
 
 from __future__ import annotations
@@ -37,3 +37,27 @@ def polarization_by_cue(p: Points, strength: ArrayLike) -> Array:
     (f0,) = p.v_p_derivatives(p.c0, 0)
     push = flow_response(p, 1) * (1 + push_share(p))  # 1 without friction
     return 2 * p.c0 * np.asarray(strength) * f0 * push / (p.R0 * rate)
+
+
+@finite_result
+def polarization_variance(p: Points) -> Array:
+    """Variance of a polarization that shot noise keeps up below the threshold [N^2/L^4].
+
+    Of each component of the vector a, c = c0 + a.n + ..., for filaments that appear, vanish and
+    diffuse independently: 3 c0 (beta + 2 D/R0^2)/(4 pi R0^2 |lambda_1|). The coefficients of
+    normalized spherical harmonics, c_1m with a = sqrt(3/(4 pi)) c_1, have 4 pi/3 times that. To
+    leading order in the noise: it must be small against c0^2, and so 4 pi R0^2 c0 filaments many.
+    Raises InvalidInput unless lambda_1 < 0.
+
+    >>> from amoeboid.model.parameters import Parameters
+    >>> print(f"{polarization_variance(Parameters(v_p0=3.0, c0=3e4, c_r=1e4)):.2f}")
+    46338.05
+    """
+    rate = growth_rate(p, 1)
+    if np.any(rate >= 0):
+        raise InvalidInput(
+            "lambda_1 must be < 0 for fluctuations about the sphere, got "
+            f"{float(np.max(rate)):.6g}: it is unstable and polarizes by itself; lower v_p0"
+        )
+    noise = p.c0 * (p.beta + 2 * p.D / p.R0**2) / (4 * np.pi * p.R0**2)
+    return 3 * noise / -rate

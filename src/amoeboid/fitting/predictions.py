@@ -33,10 +33,17 @@ class Prediction:
     slopes: Array
 
 
-def prediction(state: FollowedState, name: str, theta: Array | None) -> Prediction:
-    """The prediction of a profile at angles `theta` from the front, or of an observable."""
+def predicted(state: SteadySolution, name: str, theta: Array | None) -> Array:
+    """The values of a profile at angles `theta` from the front (m,), or of an observable (1,)."""
     if theta is None:
-        return _prediction(state, lambda s: np.array([observed.observed(s, name)]))
+        return np.array([observed.observed(state, name)])
+    return _PROFILE[name](state, arclengths(state, theta))
+
+
+def prediction(state: FollowedState, name: str, theta: Array | None) -> Prediction:
+    """The same with its derivatives to y."""
+    if theta is None:
+        return _prediction(state, lambda s: predicted(s, name, None))
     x = arclengths(state.solution, theta)
     field = _PROFILE[name]
     at_rest = _prediction(state, lambda s: field(s, x))

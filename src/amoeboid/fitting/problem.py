@@ -15,7 +15,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.fitting.followed import FollowedState
 from amoeboid.fitting.measurements import Measurements
-from amoeboid.fitting.predictions import Prediction, prediction
+from amoeboid.fitting.predictions import Prediction, predicted, prediction
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.least_squares import Minimum, minimum, unwatched
 from amoeboid.validation import InvalidInput
@@ -38,18 +38,23 @@ class Target:
     factor: int | None
     estimated: bool
 
-    def compared(self, state: FollowedState, y: Array) -> Prediction:
-        """The residuals, (prediction - value)/error, and their derivatives to all of y."""
-        found = self.predicted(state, y, self.theta)
-        return Prediction(
-            (found.values - self.values) / self.errors, found.slopes / self.errors[:, None]
-        )
+    def residuals(self, state: FollowedState, y: Array) -> Array:
+        """(prediction - value)/error."""
+        found = predicted(state.solution, self.name, self.theta)
+        return (self._factor(y) * found - self.values) / self.errors
+
+    def slopes(self, state: FollowedState, y: Array) -> Array:
+        """Their derivatives to all of y."""
+        return self.predicted(state, y, self.theta).slopes / self.errors[:, None]
+
+    def _factor(self, y: Array) -> float:
+        return 1.0 if self.factor is None else float(np.exp(y[self.factor]))
 
     def predicted(self, state: FollowedState, y: Array, theta: Array | None) -> Prediction:
         """The prediction in the units of `values`, with its derivatives to all of y."""
         found = prediction(state, self.name, theta)
         slopes = np.zeros((found.values.size, y.size))
-        factor = 1.0 if self.factor is None else float(np.exp(y[self.factor]))
+        factor = self._factor(y)
         slopes[:, : state.y.size] = factor * found.slopes
         if self.factor is not None:
             slopes[:, self.factor] = factor * found.values
@@ -65,18 +70,18 @@ class Point:
     state: FollowedState
 
     @cached_property
-    def _compared(self) -> list[Prediction]:
-        return [target.compared(self.state, self.y) for target in self.targets]
+    def _residuals(self) -> list[Array]:
+        return [target.residuals(self.state, self.y) for target in self.targets]
 
     @cached_property
     def residuals(self) -> Array:
         """(prediction - value)/error of all targets, one after the other (m,)."""
-        return np.concatenate([part.values for part in self._compared])
+        return np.concatenate(self._residuals)
 
     @cached_property
     def jacobian(self) -> Array:
         """Their derivatives to y (m, k)."""
-        return np.vstack([part.slopes for part in self._compared])
+        return np.vstack([target.slopes(self.state, self.y) for target in self.targets])
 
     @property
     def chi2(self) -> float:
@@ -85,7 +90,7 @@ class Point:
 
     def residuals_of(self, k: int) -> Array:
         """The residuals of target k."""
-        return self._compared[k].values
+        return self._residuals[k]
 
 
 Shown = Callable[[int, Point], None]
@@ -158,7 +163,7 @@ def targets_of(
         target = Target(q.name, theta, values, errors, None, q.errors is None)
         if q.arbitrary:
             target = replace(target, factor=free + len(factors))
-            expected = prediction(state, q.name, theta).values
+            expected = predicted(state.solution, q.name, theta)
             factor = float(values / errors @ (expected / errors)) / float(
                 expected / errors @ (expected / errors)
             )

@@ -11,7 +11,7 @@ from amoeboid import display
 from amoeboid.arrays import Array
 from amoeboid.fitting.followed import FollowedState, polarized
 from amoeboid.fitting.measurements import ANGLES, ERROR, THETA, dimension_of
-from amoeboid.fitting.predictions import PROFILES, prediction
+from amoeboid.fitting.predictions import PROFILES, predicted
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.model.units import customary_unit, measured
 from amoeboid.studies.columns import NO_DIMENSION, physical_number, text
@@ -65,7 +65,7 @@ def synthetic(
         error = _error(p, name, dimension, given)
         at = angles * ANGLES["deg"] if name in PROFILES else None
         exact = np.array(
-            [physical_number(p, v, dimension) for v in prediction(state, name, at).values]
+            [physical_number(p, v, dimension) for v in predicted(state.solution, name, at)]
         )
         ending = (
             ""
