@@ -25,7 +25,7 @@ import amoeboid as am
 
 P = am.Parameters(D=0.4)
 SHORT = functools.partial(am.simulate, mesh=am.Icosphere(1), until=am.time(0.2), progress=False)
-WARM = 100  # runs after which memory is looked at for the first time
+WARM = 50  # runs after which memory is looked at for the first time
 
 
 @contextmanager
@@ -78,6 +78,7 @@ def memory(runs: int = 1000) -> dict[str, object]:
     def look(done: int, total: int) -> None:
         if done >= WARM and done % max(1, total // 10) == 0:
             seen.append(round(resident(), 1))
+            print(f"{done} runs: {seen[-1]} MB", file=sys.stderr, flush=True)
 
     found = am.sweep(am.grid(P, v_p0=np.linspace(3, 8, runs)), SHORT, progress=look)
     assert found.counts == {"ok": runs}

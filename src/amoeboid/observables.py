@@ -269,7 +269,12 @@ def units(names: Iterable[str] | None = None) -> dict[str, str | None]:
 
 def center_velocity(cell: Cell) -> Array:
     """Velocity (3,) of the center of the enclosed volume in the frame of the velocities [L/T]."""
-    v_n = np.einsum("pi,pi->p", cell.v, cell.normals)
+    return center_velocity_of(cell, cell.v)
+
+
+def center_velocity_of(cell: Cell, v: Array) -> Array:
+    """Velocity (3,) of the center of volume of a surface that moves with v (P, 3) [L/T]."""
+    v_n = np.einsum("pi,pi->p", v, cell.normals)
     return np.asarray(cell.integral(v_n[:, None] * cell.x) / cell.volume)
 
 

@@ -175,15 +175,15 @@ def test_reciprocal_theorem_agrees_with_point_forces_on_a_mesh():
 
 
 def test_area_of_caps_and_bands_is_that_of_the_sphere():
-    r, faces, _ = ellipsoid(np.ones(3), 3)
+    r, faces, _ = ellipsoid(np.ones(3), 2)
     surface = TriangulatedSurface(r, faces, 0 * r, FRONT)
-    for angle in np.radians([10.0, 30.0, 80.0]):
+    for angle in np.radians([20.0, 40.0, 80.0]):
         cap = 2 * np.pi * (1 - np.cos(angle))
         for points, axis in surface.cap(angle, None)[:5]:
             assert abs(axis @ FRONT) < 1e-12
-            assert points.weights.sum() == pytest.approx(cap, rel=0.03)
+            assert points.weights.sum() == pytest.approx(cap, rel=0.05)
         band = 4 * np.pi * np.sin(angle)
-        assert surface.band(angle).weights.sum() == pytest.approx(band, rel=0.01)
+        assert surface.band(angle).weights.sum() == pytest.approx(band, rel=0.03)
 
 
 def test_patch_with_an_axis_moves_along_its_substrate():

@@ -1,6 +1,6 @@
 """Paths of runs in an environment: circles and helices, order in time, resumption, files."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -78,11 +78,11 @@ def test_rotation_vectors_are_those_of_their_matrices():
 @pytest.fixture(scope="module")
 def straight():
     """Figure 3D on 42 nodes in a matrix with drag along the surface only."""
-    return am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(6.0), environment="matrix:normal=0")
+    return am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(4.0), environment="matrix:normal=0")
 
 
 def test_path_is_recorded_and_changes_no_bit_of_the_run(straight):
-    plain = am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(6.0))
+    plain = am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(4.0))
     assert not set(PATH_UNITS) & set(plain.units)
     assert set(PATH_UNITS) < set(straight.units)
     for name in plain.units:
@@ -116,8 +116,8 @@ def twenty(step):
 def test_resumed_run_goes_on_with_the_same_bits(straight, tmp_path):
     half = am.simulate(FIGURE_3D, mesh=SMALL, until=twenty, environment="matrix:normal=0")
     assert len(half) == 21
-    again = half.resume(until=am.time(6.0))
-    stored = half.save(tmp_path / "run").resume(until=am.time(6.0))
+    again = half.resume(until=am.time(4.0))
+    stored = half.save(tmp_path / "run").resume(until=am.time(4.0))
     assert stored.config.environment == straight.config.environment
     for run in (again, stored):
         for name in PATH_UNITS:
@@ -215,3 +215,17 @@ def test_environment_of_a_script_is_recorded_but_not_written(tmp_path):
     assert "migration_x" in run.units
     with pytest.raises(am.InvalidInput, match="is known to Python alone"):
         run.save(tmp_path / "run")
+
+
+def test_rotation_of_the_shape_in_the_axes_of_a_run_is_no_flow(straight):
+    """A cell that turns in the axes of its nodes, with all its velocities, migrates the same."""
+    cell = straight.final.cell
+    turning = np.array([0.3, -0.2, 0.5])
+    state = replace(cell.state, angular_velocity=turning)
+    flow = replace(cell.flow, v_c=cell.flow.v_c + np.cross(turning, cell.x))
+    at_rest = replace(cell, state=replace(cell.state, angular_velocity=np.zeros(3)))
+    for name in ("fluid", "matrix", "patch:30"):
+        a = am.migrate(at_rest, name)
+        b = am.migrate(replace(cell, state=state, flow=flow), name)
+        np.testing.assert_allclose(b.velocity, a.velocity, atol=1e-10)
+        np.testing.assert_allclose(b.angular_velocity, a.angular_velocity, atol=1e-10)

@@ -13,7 +13,7 @@ from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centr
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
 from amoeboid.motility.triangulated import TriangulatedSurface
-from amoeboid.observables import CellOnMesh, center_velocity, polarization
+from amoeboid.observables import CellOnMesh, center_velocity_of, polarization
 from amoeboid.validation import InvalidInput
 
 
@@ -37,7 +37,8 @@ def surface_of(cell: Any) -> Surroundable:
 
 def surface_of_mesh(cell: CellOnMesh, turning: Array) -> TriangulatedSurface:
     """The surface of a 3D cell whose shape rotates with an angular velocity (3,) [1/T]."""
-    rest = center_velocity(cell) + np.cross(turning, cell.x)
+    rotation = np.cross(turning, cell.x)
+    rest = center_velocity_of(cell, cell.v - rotation) + rotation
     front = front_of(polarization(cell))
     return TriangulatedSurface(
         cell.x, cell.faces, cell.v - rest, UPWARD if front is None else front,
