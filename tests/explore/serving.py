@@ -17,14 +17,16 @@ PATIENCE = 60.0
 
 
 @contextmanager
-def explorer(*arguments, cwd=None):
-    """The process and its address; it is ended at the end."""
+def explorer(*arguments, cwd=None, browser=None):
+    """The process and its address; it is ended at the end. `browser`: a program that it opens."""
+    shown = ["--no-browser"] if browser is None else []
+    variables = {} if browser is None else {"BROWSER": f"{browser} %s"}
     process = subprocess.Popen(
-        [*COMMAND, "explore", "--no-browser", "--json", *arguments],
+        [*COMMAND, "explore", *shown, "--json", *arguments],
         stdout=subprocess.PIPE,
         text=True,
         cwd=cwd,
-        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"},
+        env=os.environ | {"OPENBLAS_NUM_THREADS": "1"} | variables,
     )
     try:
         line = process.stdout.readline()

@@ -7,7 +7,9 @@ import pytest
 
 from amoeboid.cli.main import main
 from explore.chromium import browser, kill
-from explore.serving import children, explorer, gone
+from explore.serving import Page, children, explorer, gone
+
+pytestmark = pytest.mark.slow
 
 SPEED = "explorer.known.states?.states.at(-1).numbers.max_retrograde_speed"
 FRAME = "explorer.live.latest"
@@ -69,7 +71,6 @@ def test_of_two_changes_in_a_row_the_last_is_shown(tab):
     assert tab.value("explorer.known.states.value") == 7.1
 
 
-@pytest.mark.slow
 def test_the_cell_polarizes_above_the_threshold_and_not_below(tab):
     tab.value("(() => { const p = document.getElementById('pace'); p.value = 8;"
               "p.dispatchEvent(new Event('input')); })()")  # fmt: skip
@@ -82,7 +83,6 @@ def test_the_cell_polarizes_above_the_threshold_and_not_below(tab):
     assert tab.value("document.querySelectorAll('#map path').length") > 0
 
 
-@pytest.mark.slow
 def test_a_poke_by_mouse_turns_the_cell(tab):
     at(tab, 6.0)
     start(tab, "polarization")
@@ -120,7 +120,6 @@ def test_a_wrong_value_shows_the_rule_beside_its_slider(tab):
     tab.until("document.getElementById('p-D-wrong').hidden")
 
 
-@pytest.mark.slow
 def test_reload_and_a_second_tab_go_on(tab, chromium, server):
     tab.value("explorer.before = true")
     tab.call("Page.reload")
@@ -133,7 +132,6 @@ def test_reload_and_a_second_tab_go_on(tab, chromium, server):
     second.close()
 
 
-@pytest.mark.slow
 def test_presets_and_physical_units(tab):
     for name in tab.value("[...document.querySelectorAll('#preset option')].map((o) => o.value)"):
         tab.value(f"(() => {{ const s = document.getElementById('preset'); s.value = '{name}';"
@@ -145,7 +143,6 @@ def test_presets_and_physical_units(tab):
     assert "um/s" in tab.value("document.getElementById('sentences').textContent")
 
 
-@pytest.mark.slow
 def test_keyboard_and_screen_readers(tab):
     unnamed = tab.value(
         "[...document.querySelectorAll('input, select, button, canvas')].filter((e) =>"
@@ -168,7 +165,6 @@ def test_keyboard_and_screen_readers(tab):
     assert tab.value("document.getElementById('sentences').getAttribute('aria-live')") == "polite"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [390, 1280])
 @pytest.mark.parametrize("dark", [False, True])
 def test_it_fits_the_screen(chromium, server, width, dark, tmp_path):
@@ -179,7 +175,19 @@ def test_it_fits_the_screen(chromium, server, width, dark, tmp_path):
     tab.close()
 
 
-@pytest.mark.slow
+def test_a_fifth_page_keeps_saying_why_it_does_not_work(chromium, server):
+    address = server[1]
+    with Page(address), Page(address), Page(address), Page(address):
+        tab = chromium.open(address)
+        words = "document.getElementById('connection').textContent"
+        tab.until(f"{words}.includes('at most 4 pages')")
+        time.sleep(2.0)  # it tries again after 1.5 s
+        assert "at most 4 pages" in tab.value(words)
+        assert not tab.value("document.getElementById('connection').hidden")
+    tab.until("document.getElementById('connection').hidden && explorer.known.states")
+    tab.close()
+
+
 def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     path = tmp_path / "page.html"
     assert main(["explore", "--export", str(path), "--set", "D=0.4", "--set", "v_p0=5.5"]) == 0
@@ -198,7 +206,6 @@ def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     tab.close()
 
 
-@pytest.mark.slow
 def test_a_killed_browser_leaves_no_process():
     with browser() as own, explorer("--idle", "10") as (process, address):
         own.open(address).until("explorer.live.latest")

@@ -2,6 +2,7 @@
 
 import json
 import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ import amoeboid as am
 from amoeboid.explorer.lines import made_again, python_lines
 from amoeboid.explorer.live import LiveCell
 from amoeboid.explorer.point import InvalidField, parameters_of
-from amoeboid.explorer.recipe import ELONGATED, NOISE, POLARIZATION, SURFACE, Recipe
+from amoeboid.explorer.presets import PRESETS
+from amoeboid.explorer.recipe import ELONGATED, NOISE, POLARIZATION, SURFACE, TURNED, Recipe
+from amoeboid.observables import polarization
 
 P = am.Parameters(D=0.4, v_p0=6.0)
 
@@ -34,7 +37,7 @@ def played_with(start=POLARIZATION, p=P):
     return lived(Recipe(p, subdivisions=1, start=start, seed=3), acts)
 
 
-@pytest.mark.parametrize("start", [NOISE, POLARIZATION, ELONGATED])
+@pytest.mark.parametrize("start", [NOISE, POLARIZATION, TURNED, ELONGATED])
 def test_what_was_seen_is_made_again_bit_for_bit(start):
     cell = played_with(start)
     again = made_again(cell.recipe, cell.step.state.t)
@@ -42,7 +45,7 @@ def test_what_was_seen_is_made_again_bit_for_bit(start):
     assert again.last.number == cell.step.number
     assert np.array_equal(again.last.state.c, cell.step.state.c)
     assert np.array_equal(again.last.state.r, cell.step.state.r)
-    assert len(cell.recipe.pokes) == 1
+    assert len(cell.recipe.pokes) == (2 if start == TURNED else 1)
     assert set(cell.recipe.jumps) == {"v_p0", "D"}
 
 
@@ -95,6 +98,23 @@ def test_a_cell_polarizes_above_the_threshold_and_not_below():
     )
     assert am.observed(above.step.cell, ["polarity"])["polarity"] > 0.3
     assert am.observed(below.step.cell, ["polarity"])["polarity"] < 0.01
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["circling", "helix"])
+def test_the_presets_that_circle_do_so_within_ten_units_of_time(name):
+    preset = next(preset for preset in PRESETS if preset.name == name)
+    p = parameters_of(preset.units, preset.values)
+    recipe = Recipe(p, subdivisions=2, start=preset.start)
+    axes = []
+    cell = LiveCell(recipe)
+    for t in (2.0, 6.0, 10.0):
+        while cell.step.state.t < t:
+            cell.pass_time(0.1)
+        axis = polarization(cell.step.cell)
+        axes.append(axis / np.linalg.norm(axis))
+    turned = [np.degrees(np.arccos(a @ b)) for a, b in pairwise(axes)]
+    assert turned[1] > 20.0  # it goes on turning long after the poke; a circle takes 37
 
 
 def test_a_pause_stops_time():

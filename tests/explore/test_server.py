@@ -6,6 +6,7 @@ import socket
 import struct
 import time
 from http.client import HTTPConnection
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -15,6 +16,8 @@ from websockets.sync.client import connect
 
 import amoeboid as am
 from amoeboid.cli.main import main
+from amoeboid.explorer.server import MAX_WAITING, _new_folder
+from amoeboid.explorer.server import Page as Connected
 from explore.serving import Page, children, explorer, gone, origin_of
 
 D4 = {"D": 0.4, "v_p0": 5.5}
@@ -92,6 +95,15 @@ def test_a_request_without_the_token_is_refused(address):
         answer, body = got(origin_of(address), path)
         assert answer.status == 403
         assert b"token" in body
+
+
+def test_a_token_that_is_no_text_is_refused(address):
+    parts = urlsplit(address)
+    with socket.create_connection((parts.hostname, parts.port), timeout=20) as connection:
+        connection.sendall(
+            b"GET /\xff\xfe/ HTTP/1.1\r\nHost: " + parts.netloc.encode() + b"\r\n\r\n"
+        )
+        assert connection.recv(4096).startswith(b"HTTP/1.1 403")
 
 
 @pytest.mark.parametrize("origin", [None, "http://elsewhere.example", "null"])
@@ -188,6 +200,10 @@ def test_a_wrong_value_comes_back_with_its_rule_and_field(page, values, units, f
         (b"\x00", "come with its name"),
         (struct.pack("<I", 6) + b"a.html" + b"x", "must be one of .stl"),
         ('{"ask": "live", "do": "everything"}', "do must be one of"),
+        ('{"ask": "live", "do": ["begin"]}', "do must be one of"),
+        ('{"ask": "answers", "number": NaN}', "number must be a whole number"),
+        ('{"ask": "answers", "number": [[1]]}', "number must be a whole number"),
+        ('{"ask": "live", "do": "begin", "subdivisions": 6}', "subdivisions must be"),
         ('{"ask": "answers", "vary": "R"}', "units must be one of"),
         ('{"ask": "answers", "units": "simulation", "values": {}, "vary": 3}', "vary must be"),
         ('{"ask": "answers", "units": "simulation", "values": 3}', "must be names and values"),
@@ -209,6 +225,8 @@ def test_a_live_cell_can_be_changed_poked_stopped_and_saved(page, server, tmp_pa
     page.until(lambda m: m["kind"] == "frame" and m["t"] > 1.0)
     page.live("change", units="simulation", values={"D": -4})
     assert page.until("refused")["field"] == "D"
+    page.live("poke", direction=[1, 0, 0], strength=10**400)
+    assert "too extreme" in page.until("refused")["message"]
     page.live("pause", value=True)
     t = page.until(lambda m: m["kind"] == "frame" and m["paused"])["t"]
     page.live("pace", value=1.0)  # a message, and a frame after it
@@ -218,12 +236,39 @@ def test_a_live_cell_can_be_changed_poked_stopped_and_saved(page, server, tmp_pa
     assert "am.steps((" in lines
     assert "pokes=[" in lines
     page.live("save", folder="/elsewhere")  # the page does not choose the folder
+    page.live("save")
+    assert "one run is saved at a time" in page.until("refused")["message"]
     saved = page.until(lambda m: m["kind"] in ("saved", "refused"))
     assert saved["kind"] == "saved", saved
     run = am.load(saved["folder"])
     assert saved["folder"].endswith("explored-1")
+    assert not (Path(saved["folder"]).parent / "explored-2").exists()
     assert run.final.t >= t
     assert run["v_p0"][-1] == 7.0
+
+
+def test_two_servers_in_one_folder_never_save_to_the_same_place(tmp_path):
+    assert _new_folder(tmp_path).name == "explored-1"
+    assert _new_folder(tmp_path).name == "explored-2"
+    with pytest.raises(am.InvalidInput, match="a folder that takes them"):
+        _new_folder(tmp_path / "removed")
+
+
+def test_what_waits_for_a_page_that_takes_nothing_is_bounded():
+    page = Connected(1, None)
+    for k in range(3 * MAX_WAITING):
+        page.tell({"k": k})
+    assert len(page.texts) == MAX_WAITING
+    assert page.texts[-1] == f'{{"k": {3 * MAX_WAITING - 1}}}'
+
+
+@pytest.mark.slow
+def test_a_browser_that_does_not_return_does_not_stop_the_page(tmp_path):
+    blocking = tmp_path / "blocking"
+    blocking.write_text("#!/bin/sh\nsleep 30\n")
+    blocking.chmod(0o755)
+    with explorer(browser=blocking) as (_, address):
+        assert got(address)[0].status == 200
 
 
 @pytest.mark.slow

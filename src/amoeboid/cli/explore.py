@@ -8,6 +8,7 @@ import signal
 import webbrowser
 from contextlib import suppress
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING
 
 from amoeboid.cli.output import say
@@ -73,7 +74,8 @@ def execute(args: argparse.Namespace) -> int:
         else:
             say(f"the explorer is at {server.address}", "Ctrl-C ends it")
         if not args.no_browser:
-            webbrowser.open(server.address)
+            # a browser that runs in the terminal returns when it is left only
+            Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
 
     asyncio.run(_serve(Server(folder, args.idle), started))
     return 0

@@ -21,12 +21,14 @@ CONTENT_TYPES = {".js": "text/javascript", ".css": "text/css", ".txt": "text/pla
 COLORS = 32
 
 
-@cache
 def content(name: str) -> bytes | None:
     """A file of the page; None if there is no such file."""
-    if name not in {path.name for path in _folder().iterdir() if path.is_file()}:
-        return None
-    return (_folder() / name).read_bytes()
+    return _contents().get(name)
+
+
+@cache
+def _contents() -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in _folder().iterdir() if path.is_file()}
 
 
 def _folder() -> Any:

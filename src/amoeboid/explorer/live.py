@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.explorer.recipe import Recipe
+from amoeboid.explorer.recipe import TURNED, Recipe
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES, polarization, retrograde_flow
 from amoeboid.simulation.dense_output import between
@@ -38,6 +38,9 @@ BETWEEN = 0.2
 FOREVER = 1e7
 MAX_PACE, MAX_POKE = 50.0, 5.0
 
+FROM_THE_SIDE = (1.0, 0.2, 0.0), 3.0
+"""Direction and strength of the poke that a cell which turns starts with: the front is at z."""
+
 
 class LiveCell:
     """A run that goes on, and may be changed.
@@ -54,6 +57,8 @@ class LiveCell:
         self.shown_t = 0.0
         self._faces_sent: Any = None
         self._observed = -math.inf
+        if recipe.start == TURNED:
+            self.poke(*FROM_THE_SIDE)
 
     @property
     def step(self) -> Step:
@@ -75,7 +80,7 @@ class LiveCell:
             try:
                 with one_thread:
                     self._before, self._step = self._step, next_step(self._step, self._time)
-            except (Diverged, InvalidInput) as error:
+            except (Diverged, InvalidInput, ArithmeticError) as error:
                 self.problem = f"the run cannot go on: {error}"
             if time.monotonic() - began > budget:
                 break

@@ -28,6 +28,9 @@ SLIDERS = (
     Slider(name="beta", low=0.1, high=10.0, logarithmic=True),
     Slider(name="eta_b", low=0.1, high=10.0, logarithmic=True),
     Slider(name="alpha", low=0.0, high=2.0),
+    Slider(name="gamma_t", low=0.0, high=2.0),
+    Slider(name="kappa", low=0.0, high=1.0),
+    Slider(name="chi", low=0.0, high=1.0),
 )
 
 
@@ -97,9 +100,10 @@ PRESETS = (
     Preset(
         name="circling",
         title="A circling cell",
-        note="A soft, fast cell bends: it loses its axis and runs in circles, one in 50 units of "
-        "time. A poke from the side helps it to begin.",
+        note="A soft, fast cell bends: it loses its axis and runs in circles, one in 37 units of "
+        "time. A poke from the side begins it.",
         values={"D": 0.4, "v_p0": 8.0, "delta_P": 20.0},
+        start="turned",
         pace=4,
     ),
     Preset(
@@ -107,6 +111,7 @@ PRESETS = (
         title="A cell on a helix",
         note="Faster still, the circle itself is lost to a helix.",
         values={"D": 0.4, "v_p0": 10.0, "delta_P": 30.0},
+        start="turned",
         pace=4,
     ),
     Preset(

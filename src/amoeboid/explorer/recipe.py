@@ -20,7 +20,8 @@ from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
 
 NOISE, POLARIZATION, ELONGATED, SURFACE = "noise", "polarization", "elongated", "surface"
-STARTS = (NOISE, POLARIZATION, ELONGATED, SURFACE)
+TURNED = "turned"  # polarized, and poked from the side at once
+STARTS = (NOISE, POLARIZATION, TURNED, ELONGATED, SURFACE)
 
 MAX_STEP = 0.1
 """Longest step in units of 1/rate: what is changed acts after the present one."""
@@ -67,7 +68,7 @@ class Recipe:
         size = NOISE_SIZE * p.c0
         if self.start == NOISE:
             return Initial(perturbation=0.0, noise=size, seed=self.seed)
-        if self.start == POLARIZATION:
+        if self.start in (POLARIZATION, TURNED):
             return Initial(perturbation=polarization(p))
         if self.start == ELONGATED:
             return Initial(perturbation=0.2 * p.c0)

@@ -28,6 +28,8 @@ HOST = "127.0.0.1"
 MAX_PAGES = 4
 MAX_MESSAGE = 32 * 2**20  # bytes; a surface from a file
 MAX_TEXT = 2**16
+MAX_WAITING = 1000  # messages to a page that does not take them
+MAX_NUMBER = 2**53
 SURFACES = (".stl", ".ply", ".obj", ".vtp")
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -53,7 +55,8 @@ class Page:
     surface: str | None = None
 
     def tell(self, message: dict[str, Any] | str) -> None:
-        """Send a message when its turn comes."""
+        """Send a message when its turn comes; the oldest are lost where too many wait."""
+        del self.texts[: len(self.texts) - MAX_WAITING + 1]
         self.texts.append(message if isinstance(message, str) else json.dumps(message))
         self.news.set()
 
@@ -123,7 +126,7 @@ class Server:
         if live and len(origin) != 1:
             return "a live connection must come from a page of this server"
         token = path.removeprefix("/").partition("/")[0]
-        if not hmac.compare_digest(token.encode(), self.token.encode()):
+        if not hmac.compare_digest(token.encode(errors="replace"), self.token.encode()):
             return "the address must have the token that the program has printed"
         return ""
 
@@ -250,6 +253,9 @@ def _read(message: str) -> dict[str, Any]:
         raise InvalidInput("a message must be JSON") from None
     if not isinstance(found, dict):
         raise InvalidInput("a message must be a JSON object")
+    number = found.get("number")
+    if number is not None and not (type(number) is int and 0 <= number < MAX_NUMBER):
+        raise InvalidInput(f"number must be a whole number from 0, got {number!r:.80}")
     return found
 
 
@@ -270,8 +276,20 @@ def _kept_surface(message: bytes, folder: Path) -> str:
 
 
 def _new_folder(base: Path) -> Path:
-    """A folder that does not exist yet: explored-1, explored-2 and so on."""
-    return next(path for k in count(1) if not (path := base / f"explored-{k}").exists())
+    """A new, empty folder, which no one else gets: explored-1, explored-2 and so on.
+
+    Raises InvalidInput.
+    """
+    for k in count(1):
+        path = base / f"explored-{k}"
+        try:
+            path.mkdir()
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InvalidInput(f"runs must be saved in a folder that takes them: {error}") from None
+        return path
+    raise AssertionError
 
 
 def _response(

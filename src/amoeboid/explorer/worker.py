@@ -13,6 +13,7 @@ import struct
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from threading import Condition, Lock, Thread
 from typing import Any
@@ -21,6 +22,9 @@ from amoeboid.validation import InvalidInput
 
 FRAMES = 25.0
 """Frames a second at most."""
+
+SUBDIVISIONS, MAX_SUBDIVISIONS = 3, 4
+"""Of the icosahedron that a cell starts from: 642 nodes."""
 
 TEXT, FRAME = b"T", b"B"
 Message = dict[str, Any]
@@ -117,13 +121,18 @@ def answers(inbox: Inbox, output: Output) -> None:
             continue
         except InvalidInput as error:
             output.text(head | refusal(error))
-        except ArithmeticError as error:  # parameters beyond what numbers can hold
-            output.text(head | refusal(InvalidInput(f"the parameters are too extreme: {error}")))
+        except ArithmeticError as error:
+            output.text(head | refusal(too_extreme(error)))
 
 
 def refusal(error: InvalidInput) -> Message:
     """What the page shows beside the field."""
     return {"kind": "refused", "field": getattr(error, "name", ""), "message": str(error)}
+
+
+def too_extreme(error: ArithmeticError) -> InvalidInput:
+    """The refusal of what is beyond what numbers can hold."""
+    return InvalidInput(f"the values are too extreme: {error}")
 
 
 def live(inbox: Inbox, output: Output) -> None:
@@ -139,6 +148,8 @@ def live(inbox: Inbox, output: Output) -> None:
                 player.act(message)
             except InvalidInput as error:
                 output.text(refusal(error) | {"number": message.get("number")})
+            except ArithmeticError as error:
+                output.text(refusal(too_extreme(error)) | {"number": message.get("number")})
         now = time.monotonic()
         if player.cell is not None and (messages or now - sent >= 1.0 / FRAMES):
             player.cell.pass_time(min(now - last, 0.2))
@@ -154,6 +165,7 @@ class Player:
     def __init__(self, output: Output) -> None:
         self.output = output
         self.cell: Any = None
+        self._saving: Thread | None = None
         self._acts: dict[str, Callable[[Message], None]] = {
             "begin": self._begin,
             "change": self._change,
@@ -168,7 +180,7 @@ class Player:
     def act(self, message: Message) -> None:
         """Do what a message says. Raises InvalidInput."""
         do = message.get("do")
-        if do not in self._acts:
+        if not isinstance(do, str) or do not in self._acts:
             raise InvalidInput(f"do must be one of {', '.join(self._acts)}, got {do!r:.80}")
         if self.cell is None and do != "begin":
             raise InvalidInput("a cell must live for this: restart it")
@@ -182,10 +194,16 @@ class Player:
         seed = message.get("seed", 0)
         if isinstance(seed, bool) or not isinstance(seed, int) or not 0 <= seed < 2**32:
             raise InvalidInput(f"seed must be a whole number from 0 to 2^32 - 1, got {seed!r:.80}")
+        subdivisions = message.get("subdivisions", SUBDIVISIONS)
+        if type(subdivisions) is not int or not 1 <= subdivisions <= MAX_SUBDIVISIONS:
+            raise InvalidInput(
+                f"subdivisions must be a whole number from 1 to {MAX_SUBDIVISIONS}, "
+                f"got {subdivisions!r:.80}"
+            )
         before = self.cell
         recipe = Recipe(
             parameters_of(message.get("units"), message.get("values")),
-            subdivisions=message.get("subdivisions", 3),
+            subdivisions=subdivisions,
             start=message.get("start", "noise"),
             seed=seed,
             surface=message.get("surface"),
@@ -224,10 +242,14 @@ class Player:
         self.output.text({"kind": "lines", "text": text})
 
     def _save(self, message: Message) -> None:
-        """Make the run again into a folder, beside the cell that goes on."""
+        """Make the run again into a folder, beside the cell that goes on. Raises InvalidInput."""
+        if self._saving is not None and self._saving.is_alive():
+            _remove(Path(message["folder"]))
+            raise InvalidInput("one run is saved at a time: wait until it is, and save again")
         recipe, end = self.cell.recipe, self.cell.step.state.t
         arguments = (recipe, end, Path(message["folder"]), message.get("movie") is True)
-        Thread(target=self._write, args=arguments, daemon=True).start()
+        self._saving = Thread(target=self._write, args=arguments, daemon=True)
+        self._saving.start()
 
     def _write(self, recipe: Any, end: float, folder: Path, movie: bool) -> None:
         from amoeboid.explorer.lines import made_again, movie_of
@@ -247,9 +269,16 @@ class Player:
                 self.output.text({"kind": "saving", "share": 1.0})
                 folder = movie_of(folder)
         except (InvalidInput, OSError) as error:
+            _remove(folder)
             self.output.text({"kind": "refused", "field": "save", "message": str(error)})
         else:
             self.output.text({"kind": "saved", "folder": str(folder), "text": repr(run)})
+
+
+def _remove(folder: Path) -> None:
+    """Remove a folder that nothing was written to."""
+    with suppress(OSError):
+        folder.rmdir()
 
 
 def main(kind: str) -> None:

@@ -9,12 +9,13 @@ const isLive = data.mode === "live";
 
 const NAMES = {
   v_p0: "v_p0", D: "D", delta_P: "\u0394P", c0: "c\u2080", beta: "\u03b2", eta_b: "\u03b7_b", alpha: "\u03b1",
+  gamma_t: "\u03b3_t", gamma_n: "\u03b3_n", kappa: "\u03ba", chi: "\u03c7",
   max_retrograde_speed: "retrograde speed", cortex_drag_speed: "migration speed",
   polarity: "polarity", c_front: "c at the front", c_rear: "c at the rear", zeta0: "membrane tension \u03b6\u2080",
   deformation: "deformation",
 };
 const STARTS = {
-  noise: "from noise", polarization: "from a polarized sphere", elongated: "from an elongated cell",
+  noise: "from noise", polarization: "from a polarized sphere", turned: "from one that is poked from the side", elongated: "from an elongated cell",
   surface: "from a surface in a file\u2026",
 };
 const named = (name) => NAMES[name] ?? name;
@@ -328,7 +329,7 @@ function showFrame(frame) {
   live.latest = frame;
 }
 
-const live = { frames: 0, begun: 0, latest: null, observables: {} };
+const live = { frames: 0, begun: 0, failed: false, latest: null, observables: {} };
 
 async function buildLive() {
   $("live").hidden = false;
@@ -377,16 +378,17 @@ function setPace() {
 
 const receivers = {
   opened() {
-    $("connection").hidden = true;
+    live.failed = false;
     ask();
     begin(FIRST_SEED);
     if (isLive) setPace();
   },
   closed() {
+    if (live.failed) return; // why is said already
     $("connection").hidden = false;
     $("connection").textContent = "The server does not answer. If it has ended, start `amoeboid explore` again and open its new address.";
   },
-  theory: showTheory,
+  theory(theory) { $("connection").hidden = true; showTheory(theory); },
   branch(branch) { known.branch = branch; drawBranch(); },
   states(states) { showStates(states); $("busy").textContent = ""; },
   refused: refuse,
@@ -396,7 +398,7 @@ const receivers = {
   saving({ share }) { $("saved").textContent = `saving, ${Math.round(100 * share)} %`; },
   saved({ folder }) { $("saved").textContent = `saved in ${folder}`; },
   lines({ text }) { $("dialog-text").textContent = text; $("dialog").showModal(); },
-  failed({ message }) { $("connection").hidden = false; $("connection").textContent = message; },
+  failed({ message }) { live.failed = true; $("connection").hidden = false; $("connection").textContent = message; },
 };
 
 function receive(message) {
