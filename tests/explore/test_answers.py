@@ -67,6 +67,7 @@ def test_the_verdict_is_that_of_the_theory(values, words):
     assert re.search(words, " ".join(verdict(am.theory(am.Parameters(**values)))))
 
 
+@pytest.mark.slow
 def test_answers_are_the_same_in_other_units():
     cell = am.Parameters.physical(
         D="4 um^2/s", v_p0="5.5 um/s", delta_P="8100 Pa", c0="2917.7272 / um^2"
@@ -82,6 +83,7 @@ def test_answers_are_the_same_in_other_units():
     assert one["branch"]["unit"] == "um/s"
 
 
+@pytest.mark.slow
 def test_a_branch_in_another_parameter_and_its_refusal():
     found = {a["kind"]: a for a in Answers().of(P.replace(v_p0=7.0), "alpha", lambda _: None)}
     assert "alpha must be > 0" in found["branch"]["problems"][0]

@@ -37,7 +37,15 @@ def played_with(start=POLARIZATION, p=P):
     return lived(Recipe(p, subdivisions=1, start=start, seed=3), acts)
 
 
-@pytest.mark.parametrize("start", [NOISE, POLARIZATION, TURNED, ELONGATED])
+@pytest.mark.parametrize(
+    "start",
+    [
+        pytest.param(NOISE, marks=pytest.mark.slow),
+        pytest.param(POLARIZATION, marks=pytest.mark.slow),
+        TURNED,
+        pytest.param(ELONGATED, marks=pytest.mark.slow),
+    ],
+)
 def test_what_was_seen_is_made_again_bit_for_bit(start):
     cell = played_with(start)
     again = made_again(cell.recipe, cell.step.state.t)
@@ -92,6 +100,7 @@ def test_a_frame_is_the_cell_at_the_time_that_is_shown():
     assert b"faces" in cell.frame()
 
 
+@pytest.mark.slow
 def test_a_cell_polarizes_above_the_threshold_and_not_below():
     above, below = (
         lived(Recipe(P.replace(v_p0=v), subdivisions=1, start=NOISE), until=8.0) for v in (9.0, 3.0)

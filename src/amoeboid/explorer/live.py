@@ -38,6 +38,9 @@ BETWEEN = 0.2
 FOREVER = 1e7
 MAX_PACE, MAX_POKE = 50.0, 5.0
 
+TRIAL = 1.01
+"""The longest trial of a step, in units of `max_step`; a little more, to end at a stop."""
+
 FROM_THE_SIDE = (1.0, 0.2, 0.0), 3.0
 """Direction and strength of the poke that a cell which turns starts with: the front is at z."""
 
@@ -87,8 +90,11 @@ class LiveCell:
         self.shown_t = min(wanted, self._step.state.t)
 
     def change_to(self, p: Parameters) -> None:
-        """Change to other parameters from the end of the present step on. Raises InvalidInput."""
-        self._follow(self.recipe.changed_to(p, self._step.state.t))
+        """Change to other parameters from the first time that no step has looked at.
+
+        Raises InvalidInput.
+        """
+        self._follow(self.recipe.changed_to(p, self._looked_until))
 
     def poke(self, direction: Any, strength: Any) -> None:
         """Poke the cell in a direction (3,) from its center. Raises InvalidInput."""
@@ -104,7 +110,19 @@ class LiveCell:
                 f"a poke must have a direction that is not zero and a strength from -1 to "
                 f"{MAX_POKE:g}, got {strength:g}"
             )
-        self._follow(self.recipe.poked((x, y, z), strength, self._step.state.t))
+        self._follow(self.recipe.poked((x, y, z), strength, self._looked_until))
+
+    @property
+    def _looked_until(self) -> float:
+        """The latest time [T] that a step made so far can have depended on.
+
+        A trial that was too long, and was made again shorter, has seen the inputs at its end: what
+        is changed before it would have changed the length of the step.
+        """
+        t = self._step.state.t
+        if self._before is self._step:
+            return t
+        return max(t, self._before.state.t + TRIAL * self._time.max_step)
 
     def _follow(self, recipe: Recipe) -> None:
         model = replace(self._step.model, inputs=recipe.inputs)

@@ -90,7 +90,8 @@ export class CellView {
       along.set(flow[3 * k], flow[3 * k + 1], flow[3 * k + 2]);
       const size = this.still ? 0 : along.length() * length;
       item.position.set(x[3 * k], x[3 * k + 1], x[3 * k + 2]).multiplyScalar(1.012);
-      item.scale.set(Math.min(1, 0.4 + 2 * size), Math.max(size, 1e-6), Math.min(1, 0.4 + 2 * size));
+      const thick = Math.max(1e-6, Math.min(1, 0.4 + 2 * size) * Math.min(1, 30 * size)); // no dots where nothing flows
+      item.scale.set(thick, Math.max(size, 1e-6), thick);
       if (size > 1e-6) item.quaternion.setFromUnitVectors(up, along.normalize());
       item.updateMatrix();
       this.needles.setMatrixAt(n, item.matrix);
