@@ -56,7 +56,7 @@ class Page:
 
     def tell(self, message: dict[str, Any] | str) -> None:
         """Send a message when its turn comes; the oldest are lost where too many wait."""
-        del self.texts[: len(self.texts) - MAX_WAITING + 1]
+        del self.texts[: max(0, len(self.texts) - MAX_WAITING + 1)]
         self.texts.append(message if isinstance(message, str) else json.dumps(message))
         self.news.set()
 
@@ -126,7 +126,7 @@ class Server:
         if live and len(origin) != 1:
             return "a live connection must come from a page of this server"
         token = path.removeprefix("/").partition("/")[0]
-        if not hmac.compare_digest(token.encode(errors="replace"), self.token.encode()):
+        if not hmac.compare_digest(token.encode(), self.token.encode()):
             return "the address must have the token that the program has printed"
         return ""
 
