@@ -181,7 +181,22 @@ def test_a_best_fit_at_the_fold_is_told():
     found = am.fit(slow, ["v_p0"], P, starts=1)
     assert found.found.edge
     assert "where the polarized state ends" in found.problems[0]
+    assert "there are as many unknowns as values" in found.problems[1]
     assert found.parameters.v_p0 == pytest.approx(5.2096, rel=5e-3)
+    interval = found.interval("v_p0")
+    assert interval.low is None
+    assert "the polarized state ends before chi2 has risen enough" in interval.notes
+
+
+def test_a_value_far_from_all_others_is_named():
+    data = am.synthetic(P, BOTH)
+    data["u"][4] += 1.0
+    found = am.fit(data, ["v_p0"], P, starts=1)
+    (told,) = [text for text in found.problems if "look for outliers" in text]
+    value = f"u = {data['u'][4]:.4g} at theta = 45 deg from the front is 24"  # 1.0/0.04 is 25
+    assert told.startswith(value)
+    assert not any("outliers" in text for text in am.fit(am.synthetic(P, BOTH), ["v_p0"], P,
+                                                         starts=1).problems)  # fmt: skip
 
 
 def test_a_bound_is_told():
