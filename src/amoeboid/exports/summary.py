@@ -14,7 +14,7 @@ from amoeboid.plotting.cell import NoPicture, save_picture
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import SHOWN
 from amoeboid.runs.stored import StoredFrames, StoredRun
-from amoeboid.runs.words import stability
+from amoeboid.runs.words import environment, stability
 from amoeboid.studies.columns import text, unit
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
@@ -114,6 +114,9 @@ def _rows(run: Run, cell: SurfaceCell | None) -> list[tuple[str, str]]:
     if cell is not None:
         rows.append(("nodes", str(len(cell.c))))
     rows.append(("frames", _frames(run)))
+    path = environment(run.config)
+    if path:
+        rows.append(("path in", path))
     if isinstance(run, StoredRun):
         rows.append(("written by", _writer(run)))
     return [*rows, *table(run)]

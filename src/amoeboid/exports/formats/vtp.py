@@ -22,6 +22,8 @@ def encoded(job: Job, cell: SurfaceCell) -> bytes:
         "zeta0": np.array([job.shown(cell.zeta0, "M/T^2")]),
         "cortex_drag_position": np.asarray(job.shown(cell.state.position, "L")),
     }
+    if job.environment and not job.follow:
+        numbers["migration_position"] = job.center(cell)
     return frame_bytes(job.nodes(cell), cell.faces, job.fields(cell, FIELDS), numbers)
 
 
