@@ -314,6 +314,21 @@ def test_files_are_not_replaced_without_being_asked(plain, tmp_path):
     assert path.read_bytes() != b"mine"
 
 
+def test_a_file_is_no_folder_for_an_export(plain, tmp_path):
+    path = tmp_path / "mine"
+    path.write_bytes(b"mine")
+    for below in (path, path / "deeper"):
+        with pytest.raises(am.InvalidInput, match=r"must be in a folder, '.*mine' is a file"):
+            plain.export(below, "stl", frames=0)
+    assert path.read_bytes() == b"mine"
+
+
+def test_the_list_of_surfaces_is_in_the_order_of_time(plain, tmp_path):
+    plain.export(tmp_path / "back", "vtp", frames="::-1")
+    text = (tmp_path / "back/frames.pvd").read_text()
+    assert re.findall(r"frame_(\d+)", text) == ["00000", "00001", "00002"]
+
+
 def test_the_files_of_the_run_are_never_replaced(plain, runs):
     before = {p: p.read_bytes() for p in runs.rglob("*") if p.is_file()}
     for path, name in ((plain.folder, "csv"), (plain.folder / "frames", "vtp")):
@@ -375,6 +390,12 @@ def test_what_chooses_no_frame_is_refused(given):
         (["--to", "gif", "--frames", "50:"], "chooses none of the"),
         (["--to", "gif", "--frames", "50"], "must be a number from 0 to"),
         (["-o", "out.vtp"], "choose one frame"),
+        (["--to", "csv", "--frames", "50:"], "chooses none of the"),
+        (["--to", "stl", "--frames", "::0"], "a step that is not 0, got '::0'"),
+        (["--to", "stl", "--frames=-50"], "or from the end -3 to -1, got -50"),
+        (["-o", "a.gif", "--fps", "51"], "fps must be a number > 0 and <= 50 here"),
+        (["-o", "a.csv"], "(timeseries.csv, profiles.csv), and needs the path of a folder, got"),
+        (["--to", "stl", "-o", "a.ply"], "must end with .stl"),
     ],
 )
 def test_wrong_exports_are_refused_in_one_line(words, says, runs, tmp_path, monkeypatch, capsys):

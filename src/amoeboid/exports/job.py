@@ -29,8 +29,8 @@ def untold(_: Sequence[str]) -> None:
     """No-op callback."""
 
 
-FPS = 25.0
-"""Frames of a movie in a second, unless another number is given."""
+FPS, MAX_FPS = 25.0, 240.0
+"""Frames of a movie in a second unless another number is given, and at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +141,9 @@ class Format:
 
     `files` gives the names of the files of a job, each with the function that writes it under a
     name that it is given. `options` are those of `Job` that it heeds, `packages` the optional ones
-    that it needs, with the extra that installs them; `frames`: whether it needs frames.
+    that it needs, with the extra that installs them; `frames`: whether it needs frames;
+    `one_per_frame`: whether its files are those of single frames; `max_fps`: frames a second that
+    it can show.
     """
 
     about: str
@@ -150,6 +152,8 @@ class Format:
     options: frozenset[str] = frozenset()
     packages: Mapping[str, str] = field(default_factory=dict)
     frames: bool = True
+    one_per_frame: bool = False
+    max_fps: float = MAX_FPS
 
     def check(self, name: str, options: Iterable[str]) -> None:
         """Raise InvalidInput for options that it does not heed, and for missing packages."""

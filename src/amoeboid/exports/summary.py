@@ -160,6 +160,7 @@ def _picture_path(run: Run, picture: str | os.PathLike[str] | None) -> Path | No
 
 def _drawn(path: Path, cell: SurfaceCell, problems: list[str]) -> bool:
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_picture(path, cell)
     except (NoPicture, OSError) as error:
         problems.append(f"the picture {str(path)!r} could not be drawn: {error}")

@@ -33,7 +33,7 @@ def files(job: Job) -> Mapping[str, Write]:
 
     def listed(path: Path) -> None:
         times = [float(job.shown(t, "T")) for t in job.times]
-        entries = list(zip(times, surfaces, strict=True))
+        entries = sorted(zip(times, surfaces, strict=True))
         path.write_text(collection(entries, where=""), encoding="utf-8")
 
     return dict(surfaces) if len(surfaces) == 1 else {**surfaces, LIST: listed}
@@ -44,4 +44,5 @@ FORMAT = Format(
     ".vtp",
     files,
     frozenset({"follow"}),
+    one_per_frame=True,
 )
