@@ -58,6 +58,7 @@ if TYPE_CHECKING:
     from amoeboid.simulation.step import Step
     from amoeboid.simulation.step_length import Diverged
     from amoeboid.studies.branch import Branch, SpecialPoint
+    from amoeboid.studies.many import ManySteadyStates, many_steady_states
     from amoeboid.studies.migration import Migration, migrate
     from amoeboid.studies.phase_diagram import PhaseDiagram, phase_diagram
     from amoeboid.studies.states import SteadyState, SteadyStates, steady_states
@@ -94,6 +95,7 @@ _HOMES = {
     "Law": "model.polymerization",
     "Matrix": "motility.environments",
     "MeasuredCell": "motility.cells",
+    "ManySteadyStates": "studies.many",
     "Measurements": "fitting.measurements",
     "Mesh": "config",
     "Migration": "studies.migration",
@@ -136,6 +138,7 @@ _HOMES = {
     "load_sweep": "sweeps.result",
     "measurements": "fitting.measurements",
     "migrate": "studies.migration",
+    "many_steady_states": "studies.many",
     "observable": "observables",
     "observed": "observables",
     "paired": "sweeps.points",
@@ -186,6 +189,7 @@ __all__ = [
     "Inverse",
     "Kymograph",
     "Law",
+    "ManySteadyStates",
     "Matrix",
     "MeasuredCell",
     "Measurements",
@@ -227,6 +231,7 @@ __all__ = [
     "growth_rate",
     "load",
     "load_sweep",
+    "many_steady_states",
     "measurements",
     "migrate",
     "observable",

@@ -61,25 +61,43 @@ OPTIONAL = (*FRICTION, "gamma_share", "kappa", "cue")
 
 @dataclass(frozen=True)
 class Magnitudes:
-    """Typical magnitudes of the unknowns and of the equations at one parameter point."""
+    """Typical magnitudes of the unknowns and of the equations at a parameter point, or at many."""
 
-    speed: float
-    concentration: float
-    force: float
-    rate: float
+    speed: Any
+    concentration: Any
+    force: Any
+    rate: Any
 
     @classmethod
-    def of(cls, p: Parameters) -> Magnitudes:
-        """Magnitudes from the homogeneous sphere."""
-        concentration = p.c0 if p.c0 > 0 else p.c_r
+    def of(cls, p: Any) -> Magnitudes:
+        """Magnitudes from the homogeneous sphere, of Parameters or of Points."""
+        concentration = np.where(p.c0 > 0, p.c0, p.c_r)
         frequency = p.beta + p.D / p.R0**2
-        speed_here = max(abs(float(p.v_p(p.c0))), frequency * p.R0)
-        if speed_here == 0:
-            speed_here = p.v_p0 or p.delta_P * p.R0**2 / (p.eta_s + p.eta_b) or p.R0
+        pressed = p.delta_P * p.R0**2 / (p.eta_s + p.eta_b)
+        speed_here = np.maximum(np.abs(p.v_p(p.c0)), frequency * p.R0)
+        for other in (p.v_p0, pressed, p.R0):
+            speed_here = np.where(speed_here == 0, other, speed_here)
         viscous = (p.eta_s + p.eta_b) * speed_here / p.R0**2
-        force = p.delta_P + viscous + abs(float(p.tau(concentration))) / p.R0
-        force += friction.unit(p) * speed_here + p.kappa / p.R0**3
+        force = p.delta_P + viscous + np.abs(p.tau(concentration)) / p.R0
+        force = force + friction.unit(p) * speed_here + p.kappa / p.R0**3
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
+
+    def of_equations(self, p: Any, n: int) -> Array:
+        """Typical magnitude of each equation (..., 3 n + 3)."""
+        area = 4 * np.pi * p.R0**2
+        each = (self.force, self.rate, 1.0, area, self.concentration * area)
+        return _repeated(each, [2 * n, n, 1, 1, 1])
+
+    def of_unknowns(self, p: Any, n: int) -> Array:
+        """Typical magnitude of each unknown (..., 3 n + 3)."""
+        scalars = (p.R0, self.force * p.R0, self.force, self.rate)
+        each = (1.0, self.speed, self.concentration, *scalars)
+        return _repeated(each, [n - 1, n, n, 1, 1, 1, 1])
+
+
+def _repeated(each: tuple[Any, ...], counts: list[int]) -> Array:
+    everywhere = 0.0 * each[1]  # which has a value at every point
+    return np.repeat(np.array([value + everywhere for value in each]).T, counts, axis=-1)
 
 
 @dataclass(frozen=True)
@@ -103,23 +121,12 @@ class SteadySystem:
     @cached_property
     def row_scales(self) -> Array:
         """Typical magnitude of each equation."""
-        p, n, s = self.parameters, self.n, self.scales
-        area = 4 * np.pi * p.R0**2
-        forces_, rates = np.full(2 * n, s.force), np.full(n, s.rate)
-        return np.concatenate([forces_, rates, [1.0, area, s.concentration * area]])
+        return self.scales.of_equations(self.parameters, self.n)
 
     @cached_property
     def scale(self) -> Array:
         """Typical magnitude of each unknown."""
-        p, n, s = self.parameters, self.n, self.scales
-        return np.concatenate(
-            [
-                np.full(n - 1, 1.0),
-                np.full(n, s.speed),
-                np.full(n, s.concentration),
-                [p.R0, s.force * p.R0, s.force, s.rate],
-            ]
-        )
+        return self.scales.of_unknowns(self.parameters, self.n)
 
     @cached_property
     def weights(self) -> Array:
@@ -333,12 +340,13 @@ def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
 
 
 def homogeneous_unknowns(p: Any, n: int) -> Array:
-    """The unknowns of the homogeneous sphere, for real or complex parameters."""
+    """The unknowns of the homogeneous sphere (..., 3 n + 3), for real or complex parameters."""
     f0 = p.v_p(p.c0)
     held = p.delta_P + p.gamma_c * f0
     zeta0 = held * p.R0 / 2 + 2 * f0 * (p.eta_s + p.eta_b) / p.R0 - p.tau(p.c0)
-    x = np.zeros(unknown_count(n), dtype=np.result_type(zeta0, p.c0, p.R0, float))
-    x[2 * n - 1], x[3 * n - 1], x[3 * n] = p.c0, p.R0, zeta0
+    kind = np.result_type(zeta0, p.c0, p.R0, float)
+    x = np.zeros((*np.shape(zeta0), unknown_count(n)), dtype=kind)
+    x[..., 2 * n - 1], x[..., 3 * n - 1], x[..., 3 * n] = p.c0, p.R0, zeta0
     return x
 
 
@@ -404,11 +412,26 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     f = fields_of(x, m)
     s = shape(grid(m), f.psi, f.psi_slope, f.scale)
     v_p = speed(s, f.c, p)
-    fastest = max(np.abs(f.u).max(), np.abs(v_p).max(), p.D / p.R0 + p.beta * p.R0)
-    most = np.abs(f.c).max()
-    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
-    force += np.abs(p.tau(f.c)).max() / p.R0
-    force += friction.unit(p) * fastest + p.kappa / p.R0**3
-    area = 4 * np.pi * p.R0**2
-    units = np.repeat([force, most * fastest / p.R0, 1.0, area, most * area], [2 * m, m, 1, 1, 1])
+    units = np.concatenate([np.ravel(unit) for unit in strong_units(f, v_p, p, m)])
     return float(np.max(np.abs(np.concatenate(equations_on(s, v_p, f, p))) / units))
+
+
+def strong_units(f: Fields, v_p: Any, p: Any, m: int) -> list[Any]:
+    """The magnitude of every equation on a grid of m points in a state there, (..., m or 1) each.
+
+    The parameters are numbers, or arrays (lanes, 1) for fields (lanes, m).
+    """
+
+    def largest(field: Any) -> Any:
+        return np.max(np.abs(field), axis=-1, keepdims=True)
+
+    fastest = np.maximum(largest(f.u), largest(v_p))
+    fastest = np.maximum(fastest, p.D / p.R0 + p.beta * p.R0)
+    most = largest(f.c)
+    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
+    force = force + largest(p.tau(f.c)) / p.R0 + friction.unit(p) * fastest + p.kappa / p.R0**3
+    area = 4 * np.pi * p.R0**2
+    field = np.ones(m)
+    rate = most * fastest / p.R0 * field
+    one = np.ones_like(most)
+    return [force * field, force * field, rate, one, one * area, most * area]

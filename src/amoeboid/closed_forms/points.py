@@ -48,14 +48,14 @@ class Points(Material):
     stress: Stress
 
     def __repr__(self) -> str:
-        parts = (_range(name, np.asarray(value)) for name, value in self._columns().items())
+        parts = (_range(name, np.asarray(value)) for name, value in self.columns().items())
         relations = f"law = {self.law.name}, stress = {self.stress.name}"
         return f"Points(shape {self.shape}: {', '.join(parts)}, {relations})"
 
     @property
     def shape(self) -> tuple[int, ...]:
         """The common shape of all parameters."""
-        return np.broadcast_shapes(*map(np.shape, self._columns().values()))
+        return np.broadcast_shapes(*map(np.shape, self.columns().values()))
 
     def at_speed(self, v_p0: ArrayLike) -> Points:
         """The same points with another polymerization speed scale [L/T]."""
@@ -67,13 +67,23 @@ class Points(Material):
 
     def flat(self) -> list[Points]:
         """The points one by one, in C order."""
-        columns = {k: np.broadcast_to(v, self.shape) for k, v in self._columns().items()}
+        columns = {k: np.broadcast_to(v, self.shape) for k, v in self.columns().items()}
         return [
             _with_numbers(self, {name: column[index] for name, column in columns.items()})
             for index in np.ndindex(self.shape)
         ]
 
-    def _columns(self) -> dict[str, Any]:
+    def parameters(self, number: int) -> Parameters:
+        """The parameters of one point, counted in C order."""
+        numbers = {
+            name: float(np.broadcast_to(value, self.shape).flat[number])
+            for name, value in self.columns().items()
+        }
+        one = _with_numbers(self, numbers)
+        plain: dict[str, Any] = {k: value for k, value in numbers.items() if "." not in k}
+        return Parameters(**plain, law=one.law, stress=one.stress)
+
+    def columns(self) -> dict[str, Any]:
         """All numbers by name, those of law and stress with a dot."""
         own = {
             f"{kind}.{name}": value
@@ -119,13 +129,13 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     values: dict[str, Any] = {f.name: np.asarray(getattr(base, f.name)) for f in _NUMBERS}
     found = Points(**values, **relations)
     by_name = {f.name: f for f in _NUMBERS}
-    refuse_unknown(changes, (*found._columns(), *RELATIONS), "parameter")
+    refuse_unknown(changes, (*found.columns(), *RELATIONS), "parameter")
     checked = {name: _checked(name, by_name.get(name), value) for name, value in changes.items()}
     found = _with_numbers(found, checked)
     try:
         _ = found.shape
     except ValueError:
-        columns = {n: np.shape(v) for n, v in found._columns().items()}
+        columns = {n: np.shape(v) for n, v in found.columns().items()}
         shapes = ", ".join(f"{n}: {shape}" for n, shape in columns.items() if shape)
         raise InvalidInput(f"parameter arrays must broadcast, got shapes {shapes}") from None
     return found

@@ -20,6 +20,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.numerics.taylor import Taylor
+from amoeboid.numerics.traced import Traced
 from amoeboid.validation import InvalidInput
 
 # Step of difference quotients, relative to c: cube root of the rounding.
@@ -38,6 +39,8 @@ class Relation(ABC):
     symbols: ClassVar[tuple[str, ...]]
     """The arguments, c first."""
     name: str
+    above: ClassVar[float | None] = None
+    """c must be greater than this everywhere."""
 
     @abstractmethod
     def _value(self, at: Sequence[Any]) -> Any:
@@ -97,8 +100,11 @@ class Relation(ABC):
     def _to_order(self, order: int, at: Sequence[Any]) -> tuple[Array, ...]:
         """Value and derivatives with respect to c, to `order`; arrays broadcast.
 
-        Raises InvalidInput where one is not finite, NoDerivatives where there are none.
+        Raises InvalidInput where one is not finite, NoDerivatives where there are none. Of a Traced
+        c the derivatives are Traced too, and nobody looks at them.
         """
+        if isinstance(at[0], Traced):
+            return tuple(self._traced(order, at))
         c = _floating(at[0])
         others = [x if isinstance(x, float | complex) else _floating(x) for x in at[1:]]
         shape = np.shape(c)
@@ -113,6 +119,36 @@ class Relation(ABC):
             else:
                 found = self._series_at(c, others, order).derivatives()
         return tuple(self._finite(k, v, c, shape, real=real) for k, v in enumerate(found))
+
+    def refuse_undefined(self, c: Any) -> None:
+        """Raise InvalidInput for a c that is not greater than `above`.
+
+        Of a Traced c, whose numbers are not known yet, whoever computes with it has to tell.
+        """
+        here = c.coefficients[0] if isinstance(c, Taylor) else c
+        if self.above is None or isinstance(here, Traced):
+            return
+        here = np.real(here)
+        if np.any(here <= self.above):
+            raise InvalidInput(
+                f"the {self.name} {self.noun} needs c > {self.above:g} everywhere, got "
+                f"c = {np.min(here):.6g}; use a smaller perturbation or another {self.noun}"
+            )
+
+    def _traced(self, order: int, at: Sequence[Any]) -> list[Any]:
+        try:
+            if order == 0:
+                return [self._value(at)]
+            found = self._value((Taylor.variable(at[0], order), *at[1:]))
+        except InvalidInput:
+            raise
+        except Exception as error:
+            raise InvalidInput(
+                f"the {self.noun} {self.name!r} must be made of arithmetic and functions of NumPy "
+                f"to be computed for many cells side by side ({error}); write np.where for "
+                "branches, or solve for the cells one by one"
+            ) from error
+        return found.derivatives() if isinstance(found, Taylor) else [found, *[0.0] * order]
 
     def _value_at(self, c: Any, others: list[Any]) -> Any:
         try:

@@ -39,6 +39,12 @@ class Measured(Relation):
         return self.relation.name
 
     @property
+    def above(self) -> float | None:  # type: ignore[override]
+        """See Relation.above."""
+        lowest = self.relation.above
+        return None if lowest is None else lowest / self.units.of(self.dimensions[1])
+
+    @property
     def own(self) -> dict[str, Any]:
         """The parameters of the relation itself."""
         return self.relation.own

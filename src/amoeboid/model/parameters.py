@@ -112,13 +112,15 @@ class Material:
     def share_along(self) -> Any:
         """Friction along the surface in units of gamma_t + gamma_n + gamma_c; 1 without any."""
         total = self.gamma_t + self.gamma_n + self.gamma_c
-        return (self.gamma_t + self.gamma_c) / total if total else 1.0
+        none = total == 0  # so that arrays will do, too
+        return (self.gamma_t + self.gamma_c + none) / (total + none)
 
     @property
     def share_across(self) -> Any:
         """The same along the normal."""
         total = self.gamma_t + self.gamma_n + self.gamma_c
-        return (self.gamma_n + self.gamma_c) / total if total else 1.0
+        none = total == 0
+        return (self.gamma_n + self.gamma_c + none) / (total + none)
 
 
 class ParameterPoint(Material):

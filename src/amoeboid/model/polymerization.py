@@ -17,8 +17,6 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.specified import FromExpression, FromFunction, made
-from amoeboid.numerics.taylor import Taylor
-from amoeboid.validation import InvalidInput
 
 
 class Law(Relation):
@@ -74,15 +72,11 @@ class Inverse(Law):
     """v_p = v_p0 c_r / c, growth limited by monomers; SI `eq_v_c_inverse`."""
 
     name = "inverse"
+    above = 0.0
 
     def value(self, c: Any, v_p0: Any, c_r: Any) -> Any:
         """See Law.value; refused where c <= 0."""
-        here = np.real(c.coefficients[0] if isinstance(c, Taylor) else c)
-        if np.any(here <= 0):
-            raise InvalidInput(
-                f"the inverse law needs c > 0 everywhere, got c = {np.min(here):.6g}; "
-                "use a smaller perturbation or the exponential law"
-            )
+        self.refuse_undefined(c)
         return v_p0 * c_r / c
 
 

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.specified import FromExpression, FromFunction, made
+from amoeboid.numerics.traced import Traced
 from amoeboid.validation import number, validate
 
 
@@ -145,9 +146,10 @@ def isotropic_stress(
 
     SI `surfaceStressAlpha` without its viscous part.
     """
-    tau = slope * np.asarray(c)
+    c = c if isinstance(c, Traced) else np.asarray(c)
+    tau = slope * c
     slopes = (slope, *[0.0] * order)[:order]
-    linear = (tau, *(np.full(tau.shape, s) for s in slopes))
+    linear = (tau, *(s + np.zeros_like(tau) for s in slopes))
     if isinstance(active, NoStress):
         return linear
     found = active.derivatives(c, c_r, order)

@@ -6,7 +6,7 @@ import pytest
 import amoeboid as am
 from amoeboid import figures
 from amoeboid.closed_forms.linear import growth_rate
-from amoeboid.figures.gallery import extra_contractility as module
+from amoeboid.figures.gallery import extra_myosin as module
 
 
 def test_either_motor_polarizes_the_cell_alone_from_its_own_threshold_on():
@@ -20,7 +20,7 @@ def test_either_motor_polarizes_the_cell_alone_from_its_own_threshold_on():
 @pytest.mark.slow
 def test_inhibition_of_a_motor_ends_the_flow_on_the_line():
     """The line is chi/chi_c + v_p0/v_p^c = 1: less of either at (0.8, 0.5) and (1.2, 0.3)."""
-    data = figures.extra_contractility.data()
+    data = figures.extra_myosin.data()
     line, alone = data["threshold"], data["alone"]
     total = line["v_p0"] / alone["v_p0"] + line["chi"] / alone["chi"]
     np.testing.assert_allclose(total, 1.0, rtol=1e-9)

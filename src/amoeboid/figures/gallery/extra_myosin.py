@@ -135,8 +135,8 @@ def draw(data: FigureData, axes: Any) -> None:
 
 
 FIGURE = Figure(
-    name="extra_contractility",
-    title="polymerization, myosin, or both: what polarizes the cell, and inhibition of either",
+    name="extra_myosin",
+    title="polymerization, myosin, their inhibition",
     source="not in the paper",
     parameters=Parameters(D=0.1),
     compute=compute,

@@ -1,0 +1,190 @@
+"""Steady polarized states of thousands of cells side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.axisymmetric.many import CONVERGED, REASONS, STATUSES, Found, solved
+from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
+from amoeboid.axisymmetric.unknowns import resampled
+from amoeboid.closed_forms.points import Points, points
+from amoeboid.display import html_table
+from amoeboid.model.parameters import Parameters
+from amoeboid.observables import OBSERVABLES
+from amoeboid.studies.columns import needed
+from amoeboid.terminal import shown_line
+from amoeboid.validation import InvalidInput, refuse_unknown
+
+SHOWN_AFTER = 2.0
+"""Seconds before progress is shown."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ManySteadyStates:
+    """The polarized steady state of every point of `points`, and of every other why there is none.
+
+    `status` has the shape of the points: "converged", or why there is no state: "sphere" (the
+    branch that leaves the sphere has no other state there), "stalled", "unresolved" (more modes are
+    needed) or "undefined" (the law has no value there); `reason(index)` says it in words. Numbers
+    are in the units of the parameters, NaN where there is no state: `found["c_rear"]`,
+    `found["max_retrograde_speed"]`, every observable of docs/notation.md that such a state has.
+    """
+
+    points: Points
+    found: Found
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """That of the points."""
+        return self.points.shape
+
+    @cached_property
+    def status(self) -> Array:
+        """One word for every point."""
+        return np.array(STATUSES)[self.found.status].reshape(self.shape)
+
+    @property
+    def converged(self) -> Array:
+        """Where there is a state."""
+        return np.asarray(self.found.status == CONVERGED).reshape(self.shape)
+
+    @property
+    def modes(self) -> Array:
+        """Modes of the series of each state."""
+        return self.found.n.reshape(self.shape)
+
+    def reason(self, *index: int) -> str:
+        """Why there is no state at a point, in words; empty where there is one."""
+        k = self._number(index)
+        return REASONS[self.found.status[k]].format(modes=self.found.n[k])
+
+    def state(self, *index: int) -> SteadySolution:
+        """The state of a point, as the axisymmetric solver gives it; look at `converged`."""
+        k = self._number(index)
+        good = bool(self.found.status[k] == CONVERGED)
+        return SteadySolution(
+            self._parameters(k),
+            int(self.found.n[k]),
+            self.found.x[k],
+            good,
+            (),
+            self.reason(*index),
+        )
+
+    def states(self) -> list[SteadySolution]:
+        """The states of all points, one after the other."""
+        return [self.state(*index) for index in np.ndindex(self.shape)]
+
+    def __getitem__(self, name: str) -> Array:
+        """An observable at every point, NaN where there is no state. Raises InvalidInput."""
+        refuse_unknown([name], OBSERVABLES, "observable")
+        if name not in self._known:
+            values = np.full(self.shape, np.nan)
+            for index in zip(*np.nonzero(self.converged), strict=True):
+                values[index] = getattr(self.state(*index), name)
+            self._known[name] = values
+        return self._known[name]
+
+    def to_xarray(self, *names: str) -> Any:
+        """An xarray.Dataset of status, modes, parameters and observables, by default four."""
+        xarray = needed("xarray")
+        names = names or ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
+        axes = tuple(f"point_{k}" for k in range(len(self.shape)))
+        columns = self.points.columns()
+        varying = {k: v for k, v in columns.items() if np.ndim(v) and np.size(v) > 1}
+        data = {name: (axes, self[name]) for name in names}
+        data |= {"status": (axes, self.status), "modes": (axes, self.modes)}
+        coordinates = {k: (axes, np.broadcast_to(v, self.shape)) for k, v in varying.items()}
+        fixed = {k: float(np.ravel(v)[0]) for k, v in columns.items() if k not in varying}
+        relations = {"law": self.points.law.name, "stress": self.points.stress.name}
+        return xarray.Dataset(data, coordinates, attrs=fixed | relations)
+
+    def _number(self, index: tuple[int, ...]) -> int:
+        return int(np.ravel_multi_index(index, self.shape)) if self.shape else 0
+
+    def _parameters(self, k: int) -> Parameters:
+        return self.points.parameters(k)
+
+    @cached_property
+    def _known(self) -> dict[str, Array]:
+        return {}
+
+    @property
+    def _counts(self) -> list[tuple[str, int]]:
+        counts = [(word, int(np.sum(self.found.status == k))) for k, word in enumerate(STATUSES)]
+        return [(word, count) for word, count in counts if count]
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{count} {word}" for word, count in self._counts)
+        return f"ManySteadyStates({self.found.n.size} cells: {counts})"
+
+    def _repr_html_(self) -> str:
+        return html_table("Many steady states", [(word, f"{k} cells") for word, k in self._counts])
+
+
+def many_steady_states(
+    cells: Points | Sequence[Parameters],
+    start: SteadySolution | None = None,
+    *,
+    modes: int = MODES,
+    max_modes: int = 64,
+    chunk: int | None = None,
+    progress: bool = True,
+) -> ManySteadyStates:
+    """The polarized steady state of every cell, computed side by side with JAX.
+
+    `cells` are points, or parameters of one law and one stress. The state is that on the branch of
+    l = 1 that leaves the sphere at the lowest threshold as v_p0 grows, where it is past its folds:
+    the fastest. A few cells are followed from there; the others start from the nearest of them, and
+    are followed too if that fails. With `start` all start from that state, and are not followed.
+    What it leaves out: stability, branches of higher modes, and polarized cells of a law or stress
+    without a threshold in v_p0; `steady_states` has them.
+
+    `modes` and `max_modes`: length of the series, doubled where it does not resolve the state.
+    `chunk`: how many cells are computed at the same time. Raises InvalidInput without JAX, and for
+    a law or a stress that is not made of arithmetic and functions of NumPy.
+    """
+    table = cells if isinstance(cells, Points) else _points_of(cells)
+    for name, value, low, high in (
+        ("modes", modes, 8, MAX_MODES), ("max_modes", max_modes, modes, MAX_MODES),
+        ("chunk", 1 if chunk is None else chunk, 1, 10**6),
+    ):  # fmt: skip
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if not (whole and low <= value <= high):
+            raise InvalidInput(
+                f"{name} must be a whole number >= {low} and <= {high}, got {value!r}"
+            )
+    guess = None
+    if start is not None:
+        count = int(np.prod(table.shape))
+        guess = start.n, np.tile(resampled(start.x, start.n, start.n), (count, 1))
+    with shown_line(SHOWN_AFTER) as show:
+
+        def told(done: int, of: int) -> None:
+            if progress and show is not None:
+                show((f"steady states: {done} of {of}",))
+
+        found = solved(table, guess, modes, max_modes, chunk, told)
+    return ManySteadyStates(table, found)
+
+
+def _points_of(cells: Sequence[Parameters]) -> Points:
+    """A list of parameters as points. Raises InvalidInput if laws or stresses differ."""
+    if not cells or not all(isinstance(p, Parameters) for p in cells):
+        raise InvalidInput(f"cells must be Points or a list of Parameters, got {cells!r:.200}")
+    first = cells[0]
+    kinds = {(p.law.name, p.stress.name, *p.names) for p in cells}
+    if len(kinds) > 1:
+        raise InvalidInput(
+            f"all cells must have the law {first.law.name!r} and the stress {first.stress.name!r}, "
+            "got others too; ask for each law by itself"
+        )
+    columns = {name: np.array([p.value(name) for p in cells]) for name in first.names}
+    return points(first, **columns)

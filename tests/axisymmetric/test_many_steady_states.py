@@ -1,0 +1,148 @@
+"""States of many cells side by side; JAX is an optional package."""
+
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import amoeboid as am
+from amoeboid.axisymmetric.search import steady_solutions
+from amoeboid.axisymmetric.steady import homogeneous, steady_state
+from amoeboid.axisymmetric.unknowns import resampled
+
+jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'amoeboid[gpu]'")
+
+
+def difference(state, other):
+    """Largest difference of two states in units of each unknown of the second one."""
+    n = max(state.n, other.n)
+    a, b = (resampled(s.x, s.n, n) for s in (state, other))
+    sizes = np.repeat([1.0, other.max_retrograde_speed, 3.0, 1.0, 150.0], [n - 1, n, n, 1, 1])
+    return float(np.abs((a - b)[:-2] / sizes).max())
+
+
+def fastest(p):
+    """The fastest state on the branch of l = 1, found by the solver for one cell."""
+    return steady_solutions(p, degrees=(1,))[-1]
+
+
+def with_as_many_modes(state, other):
+    """The state that the solver for one cell finds from `other`, with the modes of `state`."""
+    guess = replace(other, n=state.n, x=resampled(other.x, other.n, state.n))
+    return steady_state(state.parameters, guess)
+
+
+@pytest.fixture(scope="module")
+def few():
+    """A subcritical and a supercritical cell, one at rest, one below its fold, one next to it."""
+    return am.many_steady_states(
+        am.points(am.Parameters(), D=[0.4, 0.4, 0.4, 0.4, 0.1], v_p0=[6.1, 4.0, 5.2, 5.2097, 5.0]),
+        progress=False, max_modes=32,
+    )  # fmt: skip
+
+
+def test_states_side_by_side_are_those_of_one_at_a_time(few):
+    assert few.status.tolist() == ["converged", "sphere", "sphere", "converged", "converged"]
+    for k in (0, 3, 4):
+        state = few.state(k)
+        other = fastest(state.parameters)
+        assert difference(state, with_as_many_modes(state, other)) < 1e-9
+        assert few["c_rear"][k] == pytest.approx(other.c_rear, rel=1e-8)
+
+
+def test_every_cell_without_a_state_says_why(few):
+    assert "no state here but the sphere" in few.reason(1)
+    assert few.reason(0) == ""
+    assert not few.state(1).converged
+    assert np.isnan(few["max_retrograde_speed"][1])
+    assert few.state(1).message == few.reason(1)
+
+
+def test_many_states_show_themselves_and_are_kept(few):
+    assert repr(few) == "ManySteadyStates(5 cells: 3 converged, 2 sphere)"
+    again = pickle.loads(pickle.dumps(few))  # noqa: S301  (our own)
+    np.testing.assert_array_equal(again["c_rear"], few["c_rear"])
+    assert few.states()[4].parameters == am.Parameters(D=0.1, v_p0=5.0)
+
+
+def test_a_table_of_many_states_has_status_and_parameters(few):
+    pytest.importorskip("xarray")
+    table = few.to_xarray()
+    assert table["status"].values.tolist() == few.status.tolist()
+    np.testing.assert_array_equal(table["D"], [0.4, 0.4, 0.4, 0.4, 0.1])
+    assert table.attrs["beta"] == 1.0
+
+
+def test_cells_that_come_to_the_sphere_from_a_start_are_told_as_such():
+    p = am.Parameters(D=0.4)
+    found = am.many_steady_states(
+        am.points(p, v_p0=[3.0, 4.0, 4.5, 5.0, 7.0]), start=homogeneous(p),
+        max_modes=32, progress=False,
+    )  # fmt: skip
+    assert found.status.tolist() == ["sphere"] * 5
+    assert "the start led to it" in found.reason(0)
+
+
+def test_the_precision_of_the_users_own_arrays_stays(few):
+    assert jax.numpy.ones(3).dtype == np.float32
+
+
+def test_laws_that_branch_on_numbers_are_refused():
+    def stepped(c, v_p0, c_r):
+        return v_p0 if np.all(c < c_r) else v_p0 * np.exp(-c)
+
+    with pytest.raises(am.InvalidInput, match="arithmetic and functions of NumPy"):
+        am.many_steady_states(
+            am.points(am.Parameters(law=stepped), v_p0=[6.0]), start=fastest(
+                am.Parameters(D=0.4, v_p0=6.1)
+            ), progress=False,
+        )  # fmt: skip
+
+
+def test_cells_of_two_laws_are_refused():
+    with pytest.raises(am.InvalidInput, match="ask for each law by itself"):
+        am.many_steady_states([am.Parameters(), am.Parameters(law="inverse")])
+
+
+@pytest.mark.slow
+def test_200_random_cells_agree_with_one_at_a_time():
+    """Those without a state too: at rest, or with more modes than were allowed."""
+    rng = np.random.default_rng(7)
+    cells = am.points(
+        am.Parameters(), D=rng.uniform(0.08, 0.6, 200), v_p0=rng.uniform(3.5, 8.0, 200),
+        delta_P=10 ** rng.uniform(1.5, 3.0, 200), beta=rng.uniform(0.7, 1.5, 200),
+    )  # fmt: skip
+    found = am.many_steady_states(cells, max_modes=64, progress=False)
+    counts = {word: int(np.sum(found.status == word)) for word in set(found.status)}
+    assert counts.keys() <= {"converged", "sphere", "unresolved"}
+    assert counts["converged"] > 100
+    for state, status in zip(found.states(), found.status, strict=True):
+        other = fastest(state.parameters)
+        assert (other.max_retrograde_speed > 0) == (status != "sphere")
+        if status == "converged":
+            assert difference(state, with_as_many_modes(state, other)) < 1e-9
+        elif status == "unresolved":
+            assert other.n > 64
+
+
+@pytest.mark.slow
+def test_a_law_of_the_user_and_friction_side_by_side_as_one_at_a_time():
+    def hill(c, v_p0, c_r, n=2.0):
+        return v_p0 / (1.0 + np.exp(n * np.log(c / c_r)))
+
+    p = am.Parameters(D=0.3, gamma_t=0.2, gamma_n=0.1, law=hill)
+    cells = am.points(p, v_p0=[4.8, 5.0, 5.2], **{"law.n": [2.0, 2.1, 2.2]})
+    found = am.many_steady_states(cells, progress=False)
+    assert np.any(found.converged)
+    for state in found.states():
+        other = fastest(state.parameters)
+        assert (other.max_retrograde_speed > 0) == state.converged
+        if state.converged:
+            assert difference(state, with_as_many_modes(state, other)) < 1e-9
+            assert state.defects[0] != 0.0  # the drag on the moving frame
+
+
+def test_cells_with_and_without_friction_are_refused_together():
+    with pytest.raises(am.InvalidInput, match="must have friction"):
+        am.many_steady_states(am.points(am.Parameters(), gamma_t=[0.0, 0.1]), progress=False)
