@@ -20,6 +20,7 @@ from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
 PICTURE = "cell.png"
+RATES = (("t", "T"), ("growth_rate", "1/T"), ("growth_rate_error", "1/T"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,6 +63,8 @@ def summary(run: Run, picture: str | os.PathLike[str] | None = None) -> Summary:
     """
     problems: list[str] = []
     cell = last_cell(run, problems)
+    if isinstance(run, StoredRun) and not run.rows:
+        problems.append(f"the run in {str(run.folder)!r} has no row in timeseries.csv")
     path = _picture_path(run, picture)
     drawn = path is not None and cell is not None and _drawn(path, cell, problems)
     return Summary(
@@ -184,11 +187,12 @@ def document(run: Run, found: Summary) -> dict[str, Any]:
         "t": float(job.shown(row["t"], "T")) if row else None,
         "steps": row.get("step"),
         "frames": len(run.frames),
+        "environment": environment(run.config) or None,
         **numbers,
         "stability": run.stability if readable else "unknown",
         "growth_rate": None if rate is None else float(job.shown(rate, "1/T")),
         "growth_rate_error": None if error is None else float(job.shown(error, "1/T")),
-        "units": units | {name: job.unit(d) for name, d in (("t", "T"), ("growth_rate", "1/T"))},
+        "units": units | {name: job.unit(d) for name, d in RATES},
         "picture": None if found.picture is None else str(found.picture),
         "problems": list(found.problems),
     }

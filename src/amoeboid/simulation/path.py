@@ -115,7 +115,7 @@ class RecordedPath:
     """
 
     def __init__(self, rows: Sequence[Row]) -> None:
-        self._rows = [row for row in rows if SPEED in row]
+        self._rows = [row for row in rows if PATH_UNITS.keys() <= row.keys()]
         self._times = [row["t"] for row in self._rows]
 
     def at(self, t: float) -> tuple[Array, Array]:
@@ -127,7 +127,8 @@ class RecordedPath:
             reach = f"t = {self._times[-1]:g}" if self._times else "no time"
             raise InvalidInput(
                 f"the time series must record the path up to t = {t:g}, it reaches {reach} (in "
-                "numbers of the solver); choose frames before, or follow the cell (--follow)"
+                "numbers of the solver); choose frames before, or a format that follows the cell "
+                "(--follow)"
             )
         here = bisect_right(self._times, t) - 1
         before, after = self._rows[here], self._rows[min(here + 1, len(self._rows) - 1)]
