@@ -312,7 +312,7 @@ function showFrame(frame) {
   }
   const now = performance.now();
   live.frames += 1;
-  if (now - mapped < 200) return;
+  if (now - mapped < 200 && frame.paused === live.latest?.paused && !frame.problem) return;
   mapped = now;
   if (view) map($("map"), view.seen(), (bar) => `${shown(bar)} R0`);
   $("clock").textContent = [`t = ${unitText(frame.time)}`, frame.steady, frame.paused ? "paused" : ""].filter(Boolean).join(", ");
