@@ -23,7 +23,7 @@ Maps = Mapping[str, tuple[int, Array]]
 class Equations:
     """Equations for fields at n points, recorded: their values, and their exact Jacobian.
 
-    The arrays are those of `machine.jacobian`.
+    The arrays are those of `compiled_machine.jacobian`.
     """
 
     values: Program
@@ -43,10 +43,10 @@ class Equations:
         self, inputs: Any, scales: Array, kind: Any = float
     ) -> tuple[Array, Array]:
         """The same and their derivatives to the unknowns, both divided by `scales`."""
-        from amoeboid.numerics.machine import jacobian
+        from amoeboid.numerics.machine import loops
 
         rows = self.everything.run(inputs, kind)
-        found = jacobian(
+        found = loops().jacobian(
             rows, self.maps, self.matrices, self.fields, self.terms, self.spans, scales
         )
         return self._values(self.everything, rows) / scales, found

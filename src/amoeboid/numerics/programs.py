@@ -260,8 +260,9 @@ class Program:
 
     def run(self, inputs: Any, kind: Any = float) -> Array:
         """All rows, float or complex, for `inputs[name]`, numbers or arrays (n,) or (1,)."""
-        from amoeboid.numerics.machine import run_steps
+        from amoeboid.numerics.machine import loops
 
+        run_steps = loops().run_steps
         given = [inputs[name] for name in self.inputs]
         begin = len(self.constants)
         rows = np.empty((begin + len(given) + len(self.steps), self.constants.shape[1]), kind)
