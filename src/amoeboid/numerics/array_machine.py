@@ -5,16 +5,23 @@ from __future__ import annotations
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.numerics.programs import CODES
+from amoeboid.numerics.compiled_machine import (
+    COSINE,
+    DIFFERENCE,
+    GIVEN,
+    IMAGE,
+    NEGATIVE,
+    PRODUCT,
+    QUOTIENT,
+    ROOT,
+    SINE,
+    SUM,
+)
 
-_OF_TWO: dict[int, np.ufunc] = {
-    CODES["add"]: np.add, CODES["sub"]: np.subtract, CODES["mul"]: np.multiply,
-    CODES["truediv"]: np.divide,
+OF_TWO: dict[int, np.ufunc] = {
+    SUM: np.add, DIFFERENCE: np.subtract, PRODUCT: np.multiply, QUOTIENT: np.divide
 }  # fmt: skip
-_OF_ONE: dict[int, np.ufunc] = {
-    CODES["neg"]: np.negative, CODES["sin"]: np.sin, CODES["cos"]: np.cos, CODES["sqrt"]: np.sqrt
-}
-_IMAGE, _GIVEN = CODES["matmul"], CODES["relation"]
+OF_ONE: dict[int, np.ufunc] = {NEGATIVE: np.negative, SINE: np.sin, COSINE: np.cos, ROOT: np.sqrt}
 
 
 def run_steps(steps: Array, matrices: Array, rows: Array, begin: int, end: int) -> None:
@@ -23,12 +30,12 @@ def run_steps(steps: Array, matrices: Array, rows: Array, begin: int, end: int) 
     first = len(row) - len(steps) + begin
     with np.errstate(all="ignore"):
         for found, (code, a, b) in zip(row[first:], steps[begin:end].tolist(), strict=False):
-            if code == _IMAGE:
+            if code == IMAGE:
                 np.matmul(row[b], matrices[a], found)
-            elif code in _OF_TWO:
-                _OF_TWO[code](row[a], row[b], found)
-            elif code != _GIVEN:
-                _OF_ONE[code](row[a], found)
+            elif code in OF_TWO:
+                OF_TWO[code](row[a], row[b], found)
+            elif code != GIVEN:
+                OF_ONE[code](row[a], found)
 
 
 def jacobian(
@@ -41,7 +48,7 @@ def jacobian(
     scales: Array,
 ) -> Array:
     """See `compiled_machine.jacobian`."""
-    n, size = rows.shape[1], maps.shape[2]
+    size = maps.shape[2]
     places = [slice(low, high) for low, high in spans.tolist()]
     known = [of[:, place] for of, place in zip(maps, places, strict=False)]
     found = np.empty((scales.size, size), rows.dtype)

@@ -49,6 +49,7 @@ class Kernel:
         self.py_func, self._options = kernel, options
 
     def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function; see `compiled`."""
         return self.dispatcher(*arguments)
 
     @functools.cached_property

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics import machine
 from amoeboid.numerics.programs import Partials, Program, Record, program, transposed
 
 Maps = Mapping[str, tuple[int, Array]]
@@ -43,10 +44,8 @@ class Equations:
         self, inputs: Any, scales: Array, kind: Any = float
     ) -> tuple[Array, Array]:
         """The same and their derivatives to the unknowns, both divided by `scales`."""
-        from amoeboid.numerics.machine import loops
-
         rows = self.everything.run(inputs, kind)
-        found = loops().jacobian(
+        found = machine.loops().jacobian(
             rows, self.maps, self.matrices, self.fields, self.terms, self.spans, scales
         )
         return self._values(self.everything, rows) / scales, found
