@@ -73,7 +73,9 @@ def test_weak_friction_leaves_the_run_as_it_is():
     assert moved == pytest.approx(free.cortex_drag_speed, rel=2e-4)
 
 
-@pytest.mark.parametrize("gamma_n", [1e-9, 1.0, 1e6])
+@pytest.mark.parametrize(
+    "gamma_n", [1.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (1e-9, 1e6))]
+)
 def test_a_cell_that_slips_without_friction_does_not_turn(gamma_n):
     """Friction along the normal alone holds a round cell, with the flow of one that hardly grips.
 

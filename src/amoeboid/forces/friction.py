@@ -20,8 +20,8 @@ from amoeboid.validation import InvalidInput
 
 # On meshes friction along the surface is at least this share of that along the normal, or of that
 # with which viscosity competes, (eta_s + eta_b)/R0^2, if it is less. A round cell that slips
-# without friction can turn as it likes, and normals of a mesh are not exact: forces along them would decide
-# how.
+# without friction can turn as it likes, and normals of a mesh are not exact: forces along them
+# would decide how.
 MIN_GRIP = 1e-5
 
 
