@@ -126,3 +126,11 @@ def test_mistakes_are_rejected(sphere):
         am.migrate(3.0)
     with pytest.raises(am.InvalidInput, match="c and front must come with a flow"):
         am.migrate(cell, front=(0, 0, 1))
+
+
+def test_rounding_is_no_power(sphere):
+    """Where surroundings feel nothing of the flow, power and efficiency are 0."""
+    cell = MeasuredCell(*sphere)
+    for nothing in ("matrix:0:normal=1", "matrix:1:normal=0:coupled=0"):
+        found = am.migrate(cell, nothing)
+        assert found.power == found.efficiency == 0.0
