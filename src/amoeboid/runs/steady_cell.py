@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_picture, html_table, shown
+from amoeboid.forces import friction
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import placed
 from amoeboid.meshes.connectivity import connectivity
@@ -59,6 +60,8 @@ class SteadyCell(Snapshot):
     @cached_property
     def plain_velocity(self) -> Array:
         """`velocity` in the units of the solver."""
+        if self.parameters.has_friction:
+            return friction.velocity(self.cell)
         return cortex_drag_velocity(self.cell)
 
     @property
@@ -69,7 +72,10 @@ class SteadyCell(Snapshot):
 
     @property
     def velocity(self) -> Any:
-        """Velocity (3,) of the center of volume if all drag is on the cortex, uniformly [L/T]."""
+        """Velocity (3,) of the center of volume [L/T].
+
+        With friction that of the force balance, else as if all drag were on the cortex, uniformly.
+        """
         return quantity(self.parameters, self.plain_velocity, "L/T")
 
     @property
