@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from amoeboid.config import Config, Initial, Output, Time, configured, resolved
+from amoeboid.config import Config, Initial, Noise, Output, Time, checked_noise, configured, resolved
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
@@ -77,8 +77,7 @@ class Solution(Run):
         Raises InvalidInput where it would end at once.
         """
         check_progress(progress)
-        time, events = declared(self.config.time, until, self.parameters)
-        config = replace(self.config, time=time)
+        config, events = _ended_by(self.config, until)
         check_continues(self.last, resolved(config).time, events)
         record = _record(config, self.observe, writers, self.frames)
         record.series.rows, record.series.units = Rows(self.rows), dict(self.units)
@@ -120,6 +119,7 @@ def simulate(
     changes: Mapping[str, Any] | None = None,
     cue: Any = None,
     environment: Any = None,
+    noise: Noise | None = None,
 ) -> Solution:
     """Simulate the 3D cell; without arguments the run of figure 3D, as `amoeboid run` does.
 
@@ -134,7 +134,8 @@ def simulate(
     them if None. `changes`: parameters that change in time, such as `{"v_p0": steps((5, 0))}`;
     `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `environment`: where the
     cell migrates, such as `Fluid()` or "patch:30"; its path is recorded there, see
-    docs/motility.md. `progress`: None shows a
+    docs/motility.md. `noise`: shot noise of the filaments, such as `Noise(filaments=1e5, seed=1)`,
+    see docs/noise.md. `progress`: None shows a
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
@@ -155,6 +156,8 @@ def simulate(
         config = replace(config, cue=cue)
     if environment is not None:
         config = replace(config, environment=environment)
+    if noise is not None:
+        config = replace(config, noise=checked_noise(noise))
     if recorded(config.environment):
         settled = config.environment.settled(config.parameters.units)
         config = replace(config, environment=settled)
@@ -162,8 +165,7 @@ def simulate(
         at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))
     config, cell = _started_from(config, mesh, initial)
-    section, events = declared(config.time, until, config.parameters)
-    config = replace(config, time=section)
+    config, events = _ended_by(config, until)
     names = None if observe is None else tuple([observe] if isinstance(observe, str) else observe)
     record = _record(config, names, writers)
     first = start(config, cell)
@@ -171,6 +173,17 @@ def simulate(
         return _solved(config, first, record, events, progress, names, cell)
     run = new_run(new_folder(Path(folder)), config, first.adapted, writers, names, cell)
     return _solved(config, first, run, events, progress, names, cell)
+
+
+def _ended_by(config: Config, until: Any) -> tuple[Config, tuple[Any, ...]]:
+    """The configuration with the events of `until`, and those that only Python can hold."""
+    section, events = declared(config.time, until, config.parameters)
+    if config.noise.acts and until is not None and section.stop_when_steady:
+        raise InvalidInput(
+            "until must not be steady() with shot noise (noise.filaments > 0), which changes the "
+            "cell until the end of the run; give amoeboid.time(t) or amoeboid.when(...)"
+        )
+    return replace(config, time=section), events
 
 
 def _started_from(config: Config, mesh: Any, initial: Any) -> tuple[Config, InitialCell | None]:
