@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from amoeboid.runs.analysis import Kymograph, Spectrum
     from amoeboid.runs.branches import branch
     from amoeboid.runs.meshes import Icosphere, Surface
+    from amoeboid.runs.persistence import Persistence, persistence
     from amoeboid.runs.snapshot import Snapshot
     from amoeboid.runs.solution import Solution, simulate
     from amoeboid.runs.steady_cell import SteadyCell, steady_state
@@ -108,6 +109,7 @@ _HOMES = {
     "Output": "config",
     "Parameters": "model.parameters",
     "Patch": "motility.environments",
+    "Persistence": "runs.persistence",
     "PhaseDiagram": "studies.phase_diagram",
     "Plates": "motility.environments",
     "Points": "sweeps.points",
@@ -146,6 +148,7 @@ _HOMES = {
     "paired": "sweeps.points",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
+    "persistence": "runs.persistence",
     "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
     "polarization_by_cue": "closed_forms.response",
@@ -204,6 +207,7 @@ __all__ = [
     "Output",
     "Parameters",
     "Patch",
+    "Persistence",
     "PhaseDiagram",
     "Plates",
     "Points",
@@ -242,6 +246,7 @@ __all__ = [
     "paired",
     "parameters_from_toml",
     "parameters_to_toml",
+    "persistence",
     "phase_diagram",
     "points",
     "polarization_by_cue",

@@ -311,9 +311,7 @@ def checked_noise(given: Any) -> Noise:
     """The noise that is given. Raises InvalidInput for another object."""
     if isinstance(given, Noise):
         return given
-    raise InvalidInput(
-        f"noise must be amoeboid.Noise(filaments=..., seed=...), got {given!r:.100}"
-    )
+    raise InvalidInput(f"noise must be amoeboid.Noise(filaments=..., seed=...), got {given!r:.100}")
 
 
 def _check_noise(config: Config) -> None:

@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from amoeboid.config import Config, Initial, Noise, Output, Time, checked_noise, configured, resolved
+from amoeboid.config import (
+    Config,
+    Initial,
+    Noise,
+    Output,
+    Time,
+    checked_noise,
+    configured,
+    resolved,
+)
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
@@ -21,7 +30,7 @@ from amoeboid.runs.advance import (
     advance_in_folder,
     summary,
 )
-from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.continuing import check_continues, ended_by
 from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.meshes import Icosphere, placed_on
 from amoeboid.runs.progress import check_progress, wanted
@@ -29,7 +38,7 @@ from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
-from amoeboid.simulation.events import declared, times_of
+from amoeboid.simulation.events import times_of
 from amoeboid.simulation.loop import start
 from amoeboid.simulation.path import recorded
 from amoeboid.simulation.rows import Row, Rows
@@ -77,7 +86,7 @@ class Solution(Run):
         Raises InvalidInput where it would end at once.
         """
         check_progress(progress)
-        config, events = _ended_by(self.config, until)
+        config, events = ended_by(self.config, until)
         check_continues(self.last, resolved(config).time, events)
         record = _record(config, self.observe, writers, self.frames)
         record.series.rows, record.series.units = Rows(self.rows), dict(self.units)
@@ -165,7 +174,7 @@ def simulate(
         at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))
     config, cell = _started_from(config, mesh, initial)
-    config, events = _ended_by(config, until)
+    config, events = ended_by(config, until)
     names = None if observe is None else tuple([observe] if isinstance(observe, str) else observe)
     record = _record(config, names, writers)
     first = start(config, cell)
@@ -173,17 +182,6 @@ def simulate(
         return _solved(config, first, record, events, progress, names, cell)
     run = new_run(new_folder(Path(folder)), config, first.adapted, writers, names, cell)
     return _solved(config, first, run, events, progress, names, cell)
-
-
-def _ended_by(config: Config, until: Any) -> tuple[Config, tuple[Any, ...]]:
-    """The configuration with the events of `until`, and those that only Python can hold."""
-    section, events = declared(config.time, until, config.parameters)
-    if config.noise.acts and until is not None and section.stop_when_steady:
-        raise InvalidInput(
-            "until must not be steady() with shot noise (noise.filaments > 0), which changes the "
-            "cell until the end of the run; give amoeboid.time(t) or amoeboid.when(...)"
-        )
-    return replace(config, time=section), events
 
 
 def _started_from(config: Config, mesh: Any, initial: Any) -> tuple[Config, InitialCell | None]:

@@ -77,7 +77,7 @@ def with_increments(model: Model, states: tuple[State, ...], gained: Array) -> t
     then smooth but for how the noise decays. Earlier states in which c would become negative are
     left out, and with them those before.
     """
-    shifted = []
+    shifted: list[State] = []
     for state in states:
         areas = node_areas(state.r, model.mesh.faces)
         c = state.c + gained / areas
