@@ -8,7 +8,7 @@ import pytest
 import amoeboid as am
 from amoeboid.closed_forms.linear import critical_speed, growth_rate
 from amoeboid.closed_forms.response import polarization_variance
-from amoeboid.meshes.geometry import geometry, node_areas, volume_centroid
+from amoeboid.meshes.geometry import geometry, node_areas
 from amoeboid.meshes.operators import mass, scalar_matrix, stiffness
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.model import Model
@@ -92,10 +92,9 @@ def test_random_numbers_are_those_of_seed_and_step():
 
 
 def amplitudes(model, state):
-    """Components (3,) of a in c = c0 + a.n."""
-    x = state.r - volume_centroid(state.r, model.mesh.faces)
+    """Components (3,) of a in c = c0 + a.n, n the unit vectors to the nodes."""
     areas = node_areas(state.r, model.mesh.faces)
-    return 3.0 * (areas * state.c) @ x / (model.A0 * model.parameters.R0)
+    return 3.0 * (areas * state.c) @ model.directions(state.r) / model.A0
 
 
 def test_variance_is_of_second_order_in_the_step():
@@ -129,7 +128,11 @@ POINTS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("point", POINTS)
 def test_variance_of_the_polarization_in_3d_is_that_of_the_theory(point):
-    """On 42 nodes over 400/|lambda_1|, which gives a standard error of 4 %."""
+    """On 42 nodes over 400/|lambda_1|, which gives a standard error of 4 %.
+
+    The mesh weakens dissipation and noise of mode 1 by 8 % each: without flow the variance is exact
+    on any mesh. At these points the ratio of the two changes by up to 4 %.
+    """
     D, share, others = point
     p = am.Parameters(D=D, **others)
     p = p.replace(v_p0=share * float(critical_speed(p)))

@@ -14,7 +14,8 @@ triangle, not along its edges, the noise of diffusion exists for obtuse triangle
 filaments without making any. Advection moves each filament as the flow does and adds no noise; nor
 does the diffusion that the transport adds where the mesh is too coarse.
 
-Random numbers are a function of seed and number of the step: nothing is kept between steps.
+c stays >= 0: see `increments`. Random numbers are a function of seed and number of the step:
+nothing is kept between steps.
 """
 
 from __future__ import annotations
