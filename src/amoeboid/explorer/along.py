@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.steady import steady_state
+from amoeboid.axisymmetric.steady import homogeneous, steady_state
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.studies.branch import Branch
 from amoeboid.studies.states import SteadyState, steady_states
@@ -50,6 +50,7 @@ def curves(branch: Branch, names: Sequence[str]) -> list[Curve]:
             ],
             key=lambda point: point[0],
         )
+        points = [*_origin(branch, points), *points]
         apart = [points[0]] + [b for a, b in pairwise(points) if b[0] > a[0]]
         length = np.array([s for s, _ in apart])
         x = np.array([state.parameters.value(branch.name) for _, state in apart])
@@ -67,6 +68,24 @@ def curves(branch: Branch, names: Sequence[str]) -> list[Curve]:
                     )
                 )
     return found
+
+
+def _origin(branch: Branch, points: Sequence[tuple[float, Any]]) -> list[tuple[float, Any]]:
+    """The sphere from which a piece leaves, before its points, if it leaves one.
+
+    Its place is where the speed, which grows in proportion to the length at first, is 0.
+    """
+    if not branch.origins or len(points) < 2:
+        return []
+    (first, near), (second, next_one) = points[:2]
+    speeds = [state.number("max_retrograde_speed") for state in (near, next_one)]
+    x = [state.parameters.value(branch.name) for state in (near, next_one)]
+    origin = min(branch.origins, key=lambda value: abs(value - x[0]))
+    if not 0.0 < speeds[0] < speeds[1] or abs(origin - x[0]) > abs(x[1] - x[0]):
+        return []
+    before = (second - first) * speeds[0] / (speeds[1] - speeds[0])
+    sphere = SteadyState(homogeneous(branch.parameters.replace(**{branch.name: origin})))
+    return [(first - before, sphere)]
 
 
 def states_at(branch: Branch, value: float) -> tuple[list[SteadyState], list[str]]:

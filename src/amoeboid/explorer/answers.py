@@ -22,6 +22,7 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.studies import observed
 from amoeboid.studies.branch import Branch, branch
 from amoeboid.studies.columns import ROUNDING, magnitude, quantity, shortened, text, unit
+from amoeboid.studies.migration import migrate
 from amoeboid.studies.states import SteadyState
 from amoeboid.studies.theory import Theory, theory
 from amoeboid.validation import InvalidInput
@@ -36,6 +37,9 @@ OBSERVED = (
     "deformation",
 )
 """What the diagram can show over the parameter."""
+
+ENVIRONMENTS = ("fluid", "matrix", "patch:30", "channel:30", "cortex")
+"""Where the migration speed of a state is shown, as `migrate` takes them."""
 
 Answer = dict[str, Any]
 MAX_STEP = 0.3
@@ -243,6 +247,7 @@ def _state(p: Parameters, state: SteadyState, resting: bool, points: int) -> Ans
         "theta": _shown(p, np.arctan2(r, z), None),
         "c": _shown(p, state.solution.concentration(x), "N/L^2"),
         "u": _shown(p, state.solution.flow(x), "L/T"),
+        "migration": {} if resting else _migration(p, state),
         "rates": [
             [float(f"{x:.{DIGITS}g}") for x in (rate.real, rate.imag)]
             for rate in (_number(state.growth_rates(m)[0]) for m in AZIMUTHAL_NUMBERS)
@@ -259,6 +264,19 @@ def _number_of(state: Any, name: str) -> float:
 
 def _number(found: Any) -> complex:
     return complex(getattr(found, "magnitude", found))
+
+
+def _migration(p: Parameters, state: SteadyState) -> dict[str, float | None]:
+    """Speeds towards the front in environments; None where the cell is not defined in one."""
+    found: dict[str, float | None] = {}
+    for name in ENVIRONMENTS:
+        try:
+            speed = migrate(state, name).motion.speed
+        except InvalidInput:
+            found[name] = None
+        else:
+            found[name] = _shown(p, speed, "L/T")
+    return found
 
 
 def _center(r: Array, z: Array) -> float:

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
+from shutil import which
 from typing import Any
 
 from amoeboid.explorer.recipe import ELONGATED, NOISE, STRETCH, SURFACE, Recipe
+from amoeboid.exports.export import export
 from amoeboid.runs.solution import Solution, simulate
+from amoeboid.runs.stored import load
+
+MAX_PICTURES = 240
+"""Of a movie; of a longer run every second frame is shown, or every third, and so on."""
 
 
 def made_again(
@@ -22,6 +29,20 @@ def made_again(
     """
     report = False if progress is None else progress
     return simulate(recipe.config(end), mesh=recipe.shape(), folder=folder, progress=report)
+
+
+def movie_of(folder: Path) -> Path:
+    """A movie of a run in a folder, beside it: mp4 where there is an encoder, else gif.
+
+    Raises InvalidInput, OSError.
+    """
+    encoder = find_spec("imageio_ffmpeg") is not None or which("ffmpeg") is not None
+    run, kind = load(folder), "mp4" if encoder else "gif"
+    every = 1 + len(run.frames) // MAX_PICTURES
+    (path,) = export(
+        run, folder.with_name(f"{folder.name}.{kind}"), frames=slice(None, None, every)
+    )
+    return path
 
 
 def python_lines(recipe: Recipe, end: float) -> str:

@@ -33,7 +33,10 @@ SLIDERS = (
 
 @dataclass(frozen=True, kw_only=True)
 class Preset:
-    """A parameter point with a title, and what there is to see."""
+    """A parameter point with a title, and what there is to see.
+
+    `pace` is the place of the slider *Pace*: two more are twice as fast.
+    """
 
     name: str
     title: str
@@ -41,6 +44,7 @@ class Preset:
     units: str = SIMULATION
     values: dict[str, Any] = field(default_factory=dict)
     start: str = "noise"
+    pace: int = 2
 
 
 PRESETS = (
@@ -93,9 +97,17 @@ PRESETS = (
     Preset(
         name="circling",
         title="A circling cell",
-        note="A soft, fast cell bends: it loses its axis and runs in circles.",
+        note="A soft, fast cell bends: it loses its axis and runs in circles, one in 50 units of "
+        "time. A poke from the side helps it to begin.",
         values={"D": 0.4, "v_p0": 8.0, "delta_P": 20.0},
-        start="polarization",
+        pace=4,
+    ),
+    Preset(
+        name="helix",
+        title="A cell on a helix",
+        note="Faster still, the circle itself is lost to a helix.",
+        values={"D": 0.4, "v_p0": 10.0, "delta_P": 30.0},
+        pace=4,
     ),
     Preset(
         name="physical",

@@ -97,6 +97,7 @@ class Server:
             watching = asyncio.create_task(self._end_when_idle())
             try:
                 started(self)
+                await self._answers.send({"page": 0, "gone": True})  # it imports while a page opens
                 await self._stop.wait()
             finally:
                 watching.cancel()

@@ -226,10 +226,11 @@ class Player:
     def _save(self, message: Message) -> None:
         """Make the run again into a folder, beside the cell that goes on."""
         recipe, end = self.cell.recipe, self.cell.step.state.t
-        Thread(target=self._write, args=(recipe, end, Path(message["folder"])), daemon=True).start()
+        arguments = (recipe, end, Path(message["folder"]), message.get("movie") is True)
+        Thread(target=self._write, args=arguments, daemon=True).start()
 
-    def _write(self, recipe: Any, end: float, folder: Path) -> None:
-        from amoeboid.explorer.lines import made_again
+    def _write(self, recipe: Any, end: float, folder: Path, movie: bool) -> None:
+        from amoeboid.explorer.lines import made_again, movie_of
 
         shown = time.monotonic()
 
@@ -242,6 +243,9 @@ class Player:
 
         try:
             run = made_again(recipe, end, folder, progress)
+            if movie:
+                self.output.text({"kind": "saving", "share": 1.0})
+                folder = movie_of(folder)
         except (InvalidInput, OSError) as error:
             self.output.text({"kind": "refused", "field": "save", "message": str(error)})
         else:

@@ -128,11 +128,14 @@ function choosePreset(preset, start = true) {
   $("preset").value = preset.name;
   $("note").textContent = preset.note;
   for (const radio of document.getElementsByName("units")) radio.checked = radio.value === state.units;
-  if (isLive) $("start").value = preset.start;
+  if (isLive) {
+    $("start").value = preset.start;
+    $("pace").value = preset.pace;
+  }
   $("surface").hidden = true;
   clearRefusals();
   buildSliders();
-  if (start) { ask(); begin(); }
+  if (start) { ask(); begin(); if (isLive) setPace(); }
 }
 
 function buildHeader() {
@@ -235,6 +238,20 @@ function drawBranch() {
   $("branch-text").textContent = [branch.text.replace(/^Branch in [^:]*: /, ""), ...branch.problems].join(". ");
 }
 
+const ENVIRONMENTS = {
+  fluid: "in a fluid", matrix: "in a matrix", "patch:30": "on a substrate", "channel:30": "in a channel", cortex: "all drag on the cortex",
+};
+
+function showMigration(all, units) {
+  const moving = all.filter((s) => !s.rest);
+  const head = make("tr", {}, make("th", { scope: "col", textContent: `migration speed [${unitText(units.u)}]` }),
+    ...moving.map((s) => make("th", { scope: "col", className: s.stable ? "stable" : "unstable", textContent: s.stable ? "stable" : "unstable" })));
+  const rows = Object.entries(ENVIRONMENTS).map(([name, words]) => make("tr", {}, make("th", { scope: "row", textContent: words }),
+    ...moving.map((s) => make("td", { textContent: s.migration[name] === null ? "\u2013" : shown(s.migration[name], 3) }))));
+  $("migration").hidden = moving.length === 0;
+  $("migration").replaceChildren(make("thead", {}, head), make("tbody", {}, ...rows));
+}
+
 function fastestOf(rates) {
   const m = rates.reduce((best, [re], k) => (re > rates[best][0] ? k : best), 0);
   const [re, im] = rates[m];
@@ -258,8 +275,8 @@ function showStates(answer) {
     const word = make("b", { textContent: s.stable ? "stable" : "unstable", className: s.stable ? "stable" : "unstable" });
     return make("figure", {}, svg, make("figcaption", {}, `${kind(s)}, `, word));
   }));
-  const columns = ["max_retrograde_speed", "cortex_drag_speed", "c_front", "c_rear"];
-  const short = { max_retrograde_speed: "flow", cortex_drag_speed: "migration", c_front: "c front", c_rear: "c rear" };
+  const columns = ["max_retrograde_speed", "c_front", "c_rear", "deformation"];
+  const short = { max_retrograde_speed: "flow", c_front: "c front", c_rear: "c rear", deformation: "deformation" };
   const head = make("tr", {}, make("th", { textContent: "state", scope: "col" }),
     ...columns.map((c) => make("th", { scope: "col", title: named(c), textContent: short[c] })),
     make("th", { textContent: "growth rate", scope: "col", title: "of the fastest growing or slowest decaying perturbation exp(i m phi), and its m" }));
@@ -267,7 +284,8 @@ function showStates(answer) {
   const rows = all.map((s) => make("tr", {}, make("th", { scope: "row", className: s.stable ? "stable" : "unstable", textContent: kind(s), title: s.stable ? "stable" : "unstable" }),
     ...columns.map((c) => make("td", { textContent: number(s.numbers[c]) })),
     make("td", { textContent: fastestOf(s.rates) })));
-  const units = answer.units.max_retrograde_speed ? make("caption", { className: "caption", textContent: `Speeds [${unitText(answer.units.max_retrograde_speed)}], c [${unitText(answer.units.c)}], rates [${unitText(answer.units.rate)}]; migration with all drag on the cortex` }) : "";
+  showMigration(all, answer.units);
+  const units = answer.units.max_retrograde_speed ? make("caption", { className: "caption", textContent: `Speeds [${unitText(answer.units.max_retrograde_speed)}], c [${unitText(answer.units.c)}], rates [${unitText(answer.units.rate)}]` }) : "";
   $("state-table").replaceChildren(units, make("thead", {}, head), make("tbody", {}, ...rows));
   $("state-table").caption?.style.setProperty("caption-side", "bottom");
   const lines = (name) => all.map((s) => ({ x: s.theta, y: s[name], color: s.stable ? "var(--stable)" : "var(--unstable)", dash: !s.stable }));
@@ -294,7 +312,7 @@ function showFrame(frame) {
   }
   const now = performance.now();
   live.frames += 1;
-  if (now - mapped < 200) return;
+  if (now - mapped < 200 && frame.paused === live.latest?.paused && !frame.problem) return;
   mapped = now;
   if (view) map($("map"), view.seen(), (bar) => `${shown(bar)} R0`);
   $("clock").textContent = [`t = ${unitText(frame.time)}`, frame.steady, frame.paused ? "paused" : ""].filter(Boolean).join(", ");
@@ -310,7 +328,7 @@ function showFrame(frame) {
   live.latest = frame;
 }
 
-const live = { frames: 0, latest: null, observables: {} };
+const live = { frames: 0, begun: 0, latest: null, observables: {} };
 
 async function buildLive() {
   $("live").hidden = false;
@@ -333,6 +351,7 @@ async function buildLive() {
     button.addEventListener("click", () => view?.pokeAt(view.inside(...button.dataset.poke.split(",").map(Number))));
   }
   $("save").addEventListener("click", () => { $("saved").textContent = "saving\u2026"; source.live({ do: "save" }); });
+  $("movie").addEventListener("click", () => { $("saved").textContent = "saving\u2026"; source.live({ do: "save", movie: true }); });
   $("lines").addEventListener("click", () => source.live({ do: "lines" }));
   $("copy").addEventListener("click", () => navigator.clipboard.writeText($("dialog-text").textContent));
   $("close").addEventListener("click", () => $("dialog").close());
@@ -372,7 +391,7 @@ const receivers = {
   states(states) { showStates(states); $("busy").textContent = ""; },
   refused: refuse,
   frame: showFrame,
-  begun() { limits = null; view?.restart(); },
+  begun() { limits = null; view?.restart(); live.latest = null; live.begun += 1; },
   surface() { begin(); },
   saving({ share }) { $("saved").textContent = `saving, ${Math.round(100 * share)} %`; },
   saved({ folder }) { $("saved").textContent = `saved in ${folder}`; },
