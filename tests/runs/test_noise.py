@@ -1,6 +1,9 @@
 """Runs with shot noise: what is reproducible, what is refused, and the heading of a cell."""
 
+import re
+import shlex
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -152,7 +155,9 @@ def test_persistence_of_a_random_walk_is_that_of_its_diffusion():
 def test_a_steady_turn_is_told_from_a_random_walk():
     dt, lag = 2e-3, 0.1
     t = dt * np.arange(1001)
-    found = of_headings(POLAR, [sampled(t, u, lag) for u in walk(1e-4, dt, len(t), 4, turn=0.5)], lag)
+    found = of_headings(
+        POLAR, [sampled(t, u, lag) for u in walk(1e-4, dt, len(t), 4, turn=0.5)], lag
+    )
     assert found.turns
     assert found.turning == pytest.approx([0, 0, np.sin(0.5 * lag) / lag], abs=0.01)
 
@@ -165,3 +170,18 @@ def test_persistence_of_too_few_headings_is_refused(whole):
     other = run(POLAR.replace(D=0.3), end=0.1)
     with pytest.raises(am.InvalidInput, match="must be of one cell"):
         am.persistence([whole, other])
+
+
+def test_the_lines_of_the_page_run(tmp_path, monkeypatch):
+    page = (Path(__file__).parents[2] / "docs/noise.md").read_text(encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    command, section, lines = (
+        re.search(rf"```{kind}\n(.*?)```", page, flags=re.DOTALL).group(1)
+        for kind in ("bash", "toml", "python")
+    )
+    words = [*shlex.split(command)[1:], "--set", "mesh.subdivisions=1", "--set", "time.end=0.1"]
+    assert main(words) == 0
+    assert am.load("noisy").config.noise == am.config_from_toml(section).noise
+    names = {}
+    exec(compile(lines, "docs/noise.md", "exec"), names)  # noqa: S102  (our own file)
+    assert names["runs"][0].ended == "end of time"
