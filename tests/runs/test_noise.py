@@ -46,7 +46,7 @@ def test_run_is_a_function_of_its_seed(whole):
 def test_run_without_filaments_to_count_is_that_without_noise():
     quiet = run(noise=am.Noise(seed=5))
     assert same(quiet, run(noise=None))
-    assert "noise_kept" not in quiet.keys()
+    assert "noise_kept" not in quiet.units
 
 
 def test_resumed_run_is_the_uninterrupted_one_bit_for_bit(whole, tmp_path):
@@ -98,7 +98,7 @@ def test_waiting_for_a_steady_cell_is_refused(whole):
             wait()
     with pytest.raises(am.InvalidInput, match=r"until must not be steady\(\) with shot noise"):
         am.simulate(POLAR, noise=NOISE, until=am.steady())
-    with pytest.raises(am.InvalidInput, match=r"noise must be amoeboid.Noise"):
+    with pytest.raises(am.InvalidInput, match=r"noise must be amoeboid\.Noise"):
         am.simulate(POLAR, noise=1e4)
 
 
@@ -115,7 +115,7 @@ def test_filaments_of_a_cell_with_units_are_counted():
     found = am.Noise.counted(cell, 2)
     assert found.filaments == pytest.approx(4 * np.pi * 25 * 1000, rel=1e-12)
     assert found.seed == 2
-    with pytest.raises(am.InvalidInput, match="start from Parameters.physical"):
+    with pytest.raises(am.InvalidInput, match="start from Parameters\.physical"):
         am.Noise.counted(POLAR)
 
 

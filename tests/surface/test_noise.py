@@ -1,4 +1,4 @@
-"""Shot noise of turnover and diffusion: covariance, conservation, signs, order in time, variance."""
+"""Shot noise of turnover and diffusion: covariance, conservation, order in time, variance."""
 
 from dataclasses import replace
 
