@@ -11,8 +11,6 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path, PurePath
 from typing import Any
 
-import tomli_w
-
 from amoeboid.conditions import condition
 from amoeboid.display import short_repr
 from amoeboid.model.changes import CHANGEABLE, Changes
@@ -468,6 +466,8 @@ def config_to_toml(config: Config) -> str:
 
     Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
+    import tomli_w
+
     document = {
         section: {k: v for k, v in config.section(section).items() if v is not None}
         for section in SECTIONS

@@ -206,6 +206,24 @@ def lines_of(path):
     return path.read_bytes().count(b"\n")
 
 
+def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
+    def speed(p):
+        return p.quantity(p.v_p0, "L/T")
+
+    cell = am.Parameters.physical()
+    other = am.grid(cell, v_p0=["1 um/s", "2 um/s"])
+    am.sweep(other, speed, folder=tmp_path, shard=(1, 2), key="a")
+    results = tmp_path / "results"
+    (results / "1-of-2.jsonl").rename(results / "kept")  # as if both had begun together
+    am.sweep(other, speed, folder=tmp_path, shard=(2, 2), key="a")
+    (results / "kept").rename(results / "1-of-2.jsonl")
+    second = results / "2-of-2.jsonl"
+    second.write_text(second.read_text().replace("\\u00b5m / s", "nm / s"))
+    found = am.load_sweep(tmp_path)
+    assert found["status"].values.tolist() == ["ok", "failed"]
+    assert "in µm / s at one and a single number in nm / s at this" in found.failed[0].why
+
+
 def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):
     am.sweep(am.grid(v_p0=[1, 2, 3]), solvers.square, folder=tmp_path / "a", shard=(1, 2))
     found = am.load_sweep(tmp_path / "a")

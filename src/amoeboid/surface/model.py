@@ -21,7 +21,7 @@ from amoeboid.model.constitutive import Differences, NoDerivatives
 from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
+from amoeboid.numerics import sparse
 
 
 class Solvers:
@@ -34,9 +34,9 @@ class Solvers:
         return {"mesh": self.mesh}
 
     @cached_property
-    def vector_solver(self) -> SparseCholesky:
+    def vector_solver(self) -> sparse.SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        return SparseCholesky(self.mesh.row_start, self.mesh.columns)
+        return sparse.SparseCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def two_rings(self) -> TwoRings:
@@ -44,14 +44,14 @@ class Solvers:
         return TwoRings(self.mesh)
 
     @cached_property
-    def bending_solver(self) -> SparseCholesky:
+    def bending_solver(self) -> sparse.SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities, on `two_rings`."""
-        return SparseCholesky(self.two_rings.row_start, self.two_rings.columns)
+        return sparse.SparseCholesky(self.two_rings.row_start, self.two_rings.columns)
 
     @cached_property
-    def scalar_solver(self) -> MMatrixLU:
+    def scalar_solver(self) -> sparse.MMatrixLU:
         """Solver for (V, V) matrices of node concentrations."""
-        return MMatrixLU(self.mesh.row_start, self.mesh.columns)
+        return sparse.MMatrixLU(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:
@@ -196,12 +196,12 @@ class Model:
         return np.asarray(x / np.linalg.norm(x, axis=1)[:, None])
 
     @property
-    def vector_solver(self) -> SparseCholesky:
+    def vector_solver(self) -> sparse.SparseCholesky:
         """See Solvers."""
         return self.solvers.vector_solver
 
     @property
-    def scalar_solver(self) -> MMatrixLU:
+    def scalar_solver(self) -> sparse.MMatrixLU:
         """See Solvers."""
         return self.solvers.scalar_solver
 
