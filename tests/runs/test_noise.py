@@ -115,7 +115,7 @@ def test_filaments_of_a_cell_with_units_are_counted():
     found = am.Noise.counted(cell, 2)
     assert found.filaments == pytest.approx(4 * np.pi * 25 * 1000, rel=1e-12)
     assert found.seed == 2
-    with pytest.raises(am.InvalidInput, match="start from Parameters\.physical"):
+    with pytest.raises(am.InvalidInput, match=r"start from Parameters\.physical"):
         am.Noise.counted(POLAR)
 
 
