@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.config import Noise
 from amoeboid.meshes.bending import TwoRings
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
@@ -73,7 +74,7 @@ class Model:
     `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
     the total area A0, as many as at the beginning of the run. `inputs`, if there are any: how
     parameters change in time, and a cue; `parameters` and `cue` are then those at time `t` [T].
-    Made by `driven` and `at`.
+    Made by `driven` and `at`. `noise`: shot noise of the filaments, if there is any.
     """
 
     parameters: Parameters
@@ -83,6 +84,7 @@ class Model:
     t: float = 0.0
     cue: Any = None
     solvers: Solvers = field(default=None)  # type: ignore[assignment]
+    noise: Noise | None = None
 
     def __post_init__(self) -> None:
         if self.edge_length == 0.0:
@@ -126,6 +128,16 @@ class Model:
     def given(self) -> Parameters:
         """The parameters as the run was given them; a change in time leaves these."""
         return self.parameters if self.inputs is None else self.inputs.given
+
+    def with_noise(self, noise: Noise) -> Model:
+        """The model with shot noise of the filaments; itself if there is none."""
+        return replace(self, noise=noise) if noise.acts else self
+
+    @property
+    def filaments_per_number(self) -> float:
+        """Filaments in a unit of number [1/N], where there is shot noise."""
+        assert self.noise is not None  # noqa: S101
+        return self.noise.filaments / (self.A0 * self.given.c0)
 
     @property
     def breaks(self) -> tuple[float, ...]:
