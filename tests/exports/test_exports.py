@@ -22,6 +22,7 @@ from amoeboid.exports.job import Job
 from amoeboid.meshes.files import surface_file
 from amoeboid.observables import retrograde_flow
 from amoeboid.plotting.canvas import Canvas
+from amoeboid.runs.words import ASSUMED
 
 PLAIN = am.Parameters(D=0.4, v_p0=6.0)
 PHYSICAL = am.Parameters.physical(R0="10 um", v_p0="3 um/s")
@@ -234,6 +235,7 @@ def images(path):
             yield np.asarray(movie.convert("RGB"), dtype=int)
 
 
+@pytest.mark.slow
 def test_movies_keep_one_view_and_the_cell_crosses_it(plain, tmp_path, monkeypatch):
     """The cell is what is drawn in the middle band of the picture, below the words above."""
     words, text = [], Canvas.text
@@ -253,7 +255,7 @@ def test_movies_keep_one_view_and_the_cell_crosses_it(plain, tmp_path, monkeypat
     assert middles[False][0] - middles[False][-1] > 60  # the front is on the left
     assert {"t = 0 [T]", "t = 0.8 [T]"} <= set(words)
     assert any(re.fullmatch(r"\d+(\.\d+)? \[L\]", text) for text in words)
-    assert movie.ASSUMED in words
+    assert f"path: {ASSUMED}" in words
 
 
 def test_the_colors_of_a_movie_span_all_its_frames(plain):
@@ -263,6 +265,19 @@ def test_the_colors_of_a_movie_span_all_its_frames(plain):
     assert view.limits == (c.min(), c.max())
     speeds = [frame.max_retrograde_speed for frame in plain.frames]
     assert view.fastest == pytest.approx(max(speeds), rel=1e-12)
+
+
+def test_a_movie_has_the_frames_at_their_rate(plain, tmp_path, monkeypatch):
+    written, text = [], Canvas.text
+    monkeypatch.setattr(
+        Canvas, "text", lambda self, *a, **k: (written.append(a[1]), text(self, *a, **k))[1]
+    )
+    (path,) = plain.export(tmp_path / "a.gif", frames="::2", fps=10)
+    with Image.open(path) as found:
+        assert (found.n_frames, found.size) == (2, movie.WINDOW)
+        assert (found.info["duration"], found.info["loop"]) == (100, 0)
+    assert [words for words in written if words.startswith("t = ")] == ["t = 0 [T]", "t = 0.8 [T]"]
+    assert f"path: {ASSUMED}" in written
 
 
 @pytest.mark.slow
@@ -311,6 +326,21 @@ def test_files_are_not_replaced_without_being_asked(plain, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == [path.name]  # nothing else was written either
     plain.export(tmp_path, "stl", force=True)
     assert path.read_bytes() != b"mine"
+
+
+def test_a_file_is_no_folder_for_an_export(plain, tmp_path):
+    path = tmp_path / "mine"
+    path.write_bytes(b"mine")
+    for below in (path, path / "deeper"):
+        with pytest.raises(am.InvalidInput, match=r"must be in a folder, '.*mine' is a file"):
+            plain.export(below, "stl", frames=0)
+    assert path.read_bytes() == b"mine"
+
+
+def test_the_list_of_surfaces_is_in_the_order_of_time(plain, tmp_path):
+    plain.export(tmp_path / "back", "vtp", frames="::-1")
+    text = (tmp_path / "back/frames.pvd").read_text()
+    assert re.findall(r"frame_(\d+)", text) == ["00000", "00001", "00002"]
 
 
 def test_the_files_of_the_run_are_never_replaced(plain, runs):
@@ -374,6 +404,12 @@ def test_what_chooses_no_frame_is_refused(given):
         (["--to", "gif", "--frames", "50:"], "chooses none of the"),
         (["--to", "gif", "--frames", "50"], "must be a number from 0 to"),
         (["-o", "out.vtp"], "choose one frame"),
+        (["--to", "csv", "--frames", "50:"], "chooses none of the"),
+        (["--to", "stl", "--frames", "::0"], "a step that is not 0, got '::0'"),
+        (["--to", "stl", "--frames=-50"], "or from the end -3 to -1, got -50"),
+        (["-o", "a.gif", "--fps", "51"], "fps must be a number > 0 and <= 50 here"),
+        (["-o", "a.csv"], "(timeseries.csv, profiles.csv), and needs the path of a folder, got"),
+        (["--to", "stl", "-o", "a.ply"], "must end with .stl"),
     ],
 )
 def test_wrong_exports_are_refused_in_one_line(words, says, runs, tmp_path, monkeypatch, capsys):

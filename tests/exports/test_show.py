@@ -84,6 +84,27 @@ def test_a_run_without_a_checkpoint_shows_what_is_left(folder, capsys):
     assert imread(folder / "x/cell.png").shape == (1100, 1500, 3)  # of the last frame
 
 
+@pytest.mark.usefixtures("quick")
+def test_a_run_without_a_time_series_says_so(folder, capsys):
+    (folder / "x/timeseries.csv").unlink()
+    assert main(["show", str(folder / "x"), "--json"]) == 1
+    out, err = capsys.readouterr()
+    assert "has no row in timeseries.csv" in err
+    assert json.loads(out)["problems"] == [err.removeprefix("amoeboid show: ").rstrip()]
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_summary_names_the_environment_of_the_path(tmp_path, capsys):
+    am.simulate(P, mesh=am.Icosphere(1), until=am.time(0.02), environment="patch:20",
+                folder=tmp_path / "x")  # fmt: skip
+    picture = tmp_path / "new/cell.png"
+    assert main(["show", str(tmp_path / "x"), "--plot", str(picture)]) == 0
+    assert re.search(r"^path in +patch, half_angle 20$", capsys.readouterr().out, re.MULTILINE)
+    assert picture.is_file()
+    assert main(["show", str(tmp_path / "x"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["environment"] == "patch, half_angle 20"
+
+
 def test_what_is_no_run_is_refused(tmp_path, folder, capsys):
     assert main(["show", str(tmp_path)]) == 2
     assert "takes the folder of a run" in capsys.readouterr().err

@@ -27,12 +27,13 @@ def plain(tmp_path):
 
 def test_a_fit_is_printed_as_a_table_and_as_json(plain, tmp_path, capsys):
     picture = tmp_path / "fit.png"
-    words = ["fit", str(plain), "--free", "D,v_p0", *PLAIN, "--plot", str(picture)]
+    words = ["fit", str(plain), "--free", "v_p0", *PLAIN, "--plot", str(picture)]
     assert main(words) == 0
     out = capsys.readouterr().out
-    assert re.search(r"Fit to u, c: chi2 = \d+\.\d+, 34 dof", out)
+    assert re.search(r"Fit to u, c: chi2 = \d+\.\d+, 35 dof", out)
     assert re.search(r"v_p0 +5\.\d+ +0\.\d+ +\d", out)
     assert picture.stat().st_size > 1000
+    words[3] = "D,v_p0"
     assert main([*words[:-2], "--json", "--bounds", "D=0.2:0.8"]) == 0
     document = json.loads(capsys.readouterr().out)
     assert set(document["estimates"]) == {"D", "v_p0"}

@@ -12,8 +12,7 @@ import pytest
 
 from amoeboid.meshes.connectivity import icosphere
 from amoeboid.meshes.geometry import _geometry
-from amoeboid.numerics import compiled as module
-from amoeboid.numerics import kept
+from amoeboid.numerics import dispatchers, kept
 from amoeboid.numerics.compiled import compiled, nested
 from amoeboid.numerics.kernel_identity import identity
 
@@ -26,7 +25,7 @@ def double(x):
 def folder(tmp_path, monkeypatch):
     """Where kernels are kept."""
     monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path))
-    monkeypatch.setattr(module, "_said", set())
+    monkeypatch.setattr(dispatchers, "_said", set())
     return tmp_path
 
 
@@ -175,7 +174,8 @@ def test_a_kernel_is_compiled_anew_once_what_it_calls_or_uses_has_changed():
 def test_names_of_kernels_are_the_same_in_every_program():
     code = (
         "from amoeboid.numerics.sparse.cholesky import _factorized\n"
-        "print(_factorized._cache._name('signature', _factorized.targetctx))\n"
+        "kernel = _factorized.dispatcher\n"
+        "print(kernel._cache._name('signature', kernel.targetctx))\n"
     )
     names = [program(code, PYTHONHASHSEED=seed).stdout for seed in ("1", "2")]
     assert names[0] == names[1] != ""

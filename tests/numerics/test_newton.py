@@ -61,6 +61,18 @@ def test_a_step_out_of_the_domain_is_shortened():
     assert result.x[0] == pytest.approx(np.e, rel=1e-14)
 
 
+def test_a_residual_that_is_far_too_large_is_no_overflow():
+    def residual(x):
+        return np.exp(np.minimum(x * x, 230.0)) - 1.0 + 1e-3 * x
+
+    def both(x):
+        f = residual(x)
+        return f, np.diag(np.full(x.size, 1e-80))
+
+    found = newton(residual, both, np.array([1.0, 1.0]), max_iterations=3)
+    assert not found.converged
+
+
 def test_a_whole_step_is_taken_where_the_next_is_far_shorter_however_equations_are_scaled():
     """A weak nonlinear term in an equation of a large magnitude."""
     sizes = np.array([1.0, 1e6])

@@ -1,6 +1,9 @@
 import numpy as np
 import pytest
 
+from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
+from amoeboid.model.parameters import Parameters
+from amoeboid.numerics import array_machine, compiled_machine, machine
 from amoeboid.numerics.derivatives import cos, sin, sqrt
 from amoeboid.numerics.jacobians import recorded
 from amoeboid.numerics.programs import Symbol
@@ -47,8 +50,10 @@ def residual(unknowns, k):
     return np.concatenate(equations(here, here))
 
 
-@pytest.fixture(scope="module")
-def program():
+@pytest.fixture(params=[compiled_machine, array_machine], ids=["compiled", "arrays"])
+def program(request, monkeypatch):
+    """The recorded equations, run by either of the two forms of the loops."""
+    monkeypatch.setattr(machine, "loops", lambda: request.param)
     return recorded(equations, N, SIZE, MAPS)
 
 
@@ -80,3 +85,27 @@ def test_complex_unknowns_give_exact_second_derivatives(program):
     difference = (jacobian(x + h * along) - jacobian(x - h * along)) / (2 * h)
     np.testing.assert_allclose(exact, difference, rtol=1e-6, atol=1e-7)
     assert np.abs(exact).max() > 0.1
+
+
+@pytest.mark.parametrize("kind", [float, complex])
+def test_both_forms_of_the_loops_give_the_same_to_rounding(kind, monkeypatch):
+    """On the equations of a cell, polarized and deformed."""
+    p = Parameters(D=0.4, v_p0=6.0, gamma_t=0.1, kappa=0.02)
+    system, rng = SteadySystem(p, 16, ("v_p0",)), np.random.default_rng(5)
+    x = homogeneous(p, 16).x + 0.02 * system.scale * rng.normal(size=system.scale.size)
+    x = x.astype(kind)
+    if kind is complex:
+        x += 0.01j * system.scale
+    found = []
+    for form in (compiled_machine, array_machine):
+        monkeypatch.setattr(machine, "loops", lambda form=form: form)
+        found.append(system.residual_and_jacobian(x, np.array([6.0], dtype=kind)))
+    for one, other in zip(*found, strict=True):
+        assert one.dtype == other.dtype == kind
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13 * np.abs(one).max())
+
+
+def test_the_installation_alone_chooses_the_loops(monkeypatch):
+    for present, form in ((True, compiled_machine), (False, array_machine)):
+        monkeypatch.setattr(machine, "has_numba", lambda present=present: present)
+        assert machine.loops.__wrapped__() is form

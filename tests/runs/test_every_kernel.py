@@ -14,7 +14,7 @@ from amoeboid.numerics.compiled import ENTRIES
 from amoeboid.runs.every_kernel import call_every_kernel
 kept.BUILT = Path(sys.argv[1])
 last = call_every_kernel()
-print([k.py_func.__name__ for k in ENTRIES if not k.overloads])
+print([k.py_func.__name__ for k in ENTRIES if not k.dispatcher.overloads])
 print(sum(sum(k.stats.cache_misses.values()) for k in ENTRIES))
 print(hashlib.sha256(last.state.r.tobytes() + last.state.c.tobytes()).hexdigest(), last.growth)
 """

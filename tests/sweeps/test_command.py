@@ -91,6 +91,7 @@ def test_runs_are_configured_by_their_sections():
     assert am.load_sweep("a")["c_rear"].values[1] == expected
 
 
+@pytest.mark.slow
 def test_a_branch_and_pairs_and_units():
     text = 'physical = true\n[base]\nD = "1 um^2/s"\n[[vary]]\ndelta_P = "100 Pa"\n[[vary]]\n'
     text += 'delta_P = "300 Pa"\n[solver]\nname = "branch"\nto = "2.2 um/s"\nmax_step = 0.4\n'

@@ -105,6 +105,21 @@ def test_results_of_other_code_are_computed_anew(tmp_path):
     assert found["value"].values.tolist() == ["two", "two"]
 
 
+def test_results_of_another_version_are_computed_anew_also_with_a_key(tmp_path, monkeypatch):
+    counted = []
+
+    def count(p):
+        counted.append(p.v_p0)
+        return p.v_p0
+
+    for _ in range(2):
+        am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
+    assert len(counted) == 2
+    monkeypatch.setattr("amoeboid.sweeps.sweep.version", lambda _: "0.0.0")
+    am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
+    assert len(counted) == 4
+
+
 def test_a_changed_file_of_a_solver_is_other_code(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "my_solver_of_a_test.py"
@@ -204,6 +219,24 @@ def test_shards_share_the_points_and_merge(tmp_path):
 def lines_of(path):
     """How many lines a file has."""
     return path.read_bytes().count(b"\n")
+
+
+def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
+    def speed(p):
+        return p.quantity(p.v_p0, "L/T")
+
+    cell = am.Parameters.physical()
+    other = am.grid(cell, v_p0=["1 um/s", "2 um/s"])
+    am.sweep(other, speed, folder=tmp_path, shard=(1, 2), key="a")
+    results = tmp_path / "results"
+    (results / "1-of-2.jsonl").rename(results / "kept")  # as if both had begun together
+    am.sweep(other, speed, folder=tmp_path, shard=(2, 2), key="a")
+    (results / "kept").rename(results / "1-of-2.jsonl")
+    second = results / "2-of-2.jsonl"
+    second.write_text(second.read_text().replace("\\u00b5m / s", "nm / s"))
+    found = am.load_sweep(tmp_path)
+    assert found["status"].values.tolist() == ["ok", "failed"]
+    assert "in µm / s at one and a single number in nm / s at this" in found.failed[0].why
 
 
 def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):

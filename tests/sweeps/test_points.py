@@ -104,6 +104,7 @@ def test_lists_of_physical_cells_are_measured_in_one_unit():
         (lambda: am.grid(D=["x"]), "D must be a number"),
         (lambda: am.grid(D=[True]), "D must be a number"),
         (lambda: am.grid(D={"linspace": [1, 2]}), r"must be \[first, last, count\]"),
+        (lambda: am.grid(D={"linspace": [1, 2, 10**12]}), "1 to 10000000 points"),
         (lambda: am.grid(D={"linspace": [1, 1, 3]}), "two numbers that differ"),
         (lambda: am.grid(D={"logspace": [0, 1, 3]}), "must be > 0"),
         (lambda: am.grid(D={"arange": [0, 1, 3]}), "a range must be"),

@@ -3,6 +3,7 @@
 import functools
 import pickle
 import warnings
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -35,7 +36,7 @@ def test_steady_states_are_those_of_one_point_each():
 
 def test_a_branch_is_recorded_with_its_folds():
     solver = functools.partial(am.branch, name="v_p0", start=0, end=6.5, max_step=0.4)
-    found = am.sweep(am.grid(delta_P=[100, 300], base=P), solver)
+    found = am.sweep(am.grid(delta_P=[300], base=P), solver)
     single = solver(P.replace(delta_P=300))
     at = found.dataset.sel(delta_P=300)
     assert at.fold_v_p0.values.tolist() == [fold.number for fold in single.folds]
@@ -114,11 +115,67 @@ def test_arrays_of_different_length_are_padded():
         ({"why": 2}, "'why', which is a name of the sweep"),
         ({"a": [1, "x"]}, "of numbers or of texts"),
         ({"a": [[1], [1, 2]]}, "1 dimensions, got more"),
+        ({"a/b": 1.0}, "that NetCDF takes, without '/'"),
+        ({" a": 1.0}, "that NetCDF takes, without '/'"),
+        ({"a": "x\0y"}, "that UTF-8 and NetCDF hold"),
+        ({"a": ["\ud800"]}, "that UTF-8 and NetCDF hold"),
     ],
 )
 def test_what_cannot_be_recorded_is_a_failure_with_a_reason(answer, message):
     found = am.sweep(am.grid(D=[1]), lambda p: answer)
     assert message in found.failed[0].why
+
+
+def test_a_masked_number_is_none():
+    found = am.sweep(am.grid(D=[1]), lambda p: {"a": np.ma.array([7.0, 8.0], mask=[True, False])})
+    assert np.isnan(found["a"].values[0, 0])
+    assert found["a"].values[0, 1] == 8.0
+
+
+def test_a_message_with_control_characters_is_one_line_and_goes_into_the_file(tmp_path):
+    def angry(p):
+        raise RuntimeError("red \x1b[31m\nand\0 zero \ud800")
+
+    found = am.sweep(am.grid(D=[1]), angry)
+    assert found.failed[0].why == r"RuntimeError: red \x1b[31m and\x00 zero \ud800"
+    found.save(tmp_path / "a.nc")
+
+
+OF_ANOTHER_KIND = {
+    "a text": lambda p: 1.0 if p.v_p0 < 2 else "none",
+    "an array": lambda p: 1.0 if p.v_p0 < 2 else [1.0, 2.0],
+    "a unit": lambda p: p.quantity(p.v_p0, "L/T" if p.v_p0 < 2 else "L^2/T"),
+}
+
+
+@pytest.mark.parametrize("answer", OF_ANOTHER_KIND.values(), ids=OF_ANOTHER_KIND)
+@pytest.mark.parametrize("folder", [None, "here"])
+@pytest.mark.parametrize("points_per_task", [1, 3])
+def test_a_point_that_means_something_else_fails_alone(tmp_path, answer, folder, points_per_task):
+    cells = am.grid(CELL, v_p0=["1 um/s", "3 um/s", "1.5 um/s"])
+    place = None if folder is None else tmp_path / folder
+    with ThreadPoolExecutor(1) as executor:
+        found = am.sweep(
+            cells, answer, executor=executor, points_per_task=points_per_task, folder=place, key="a"
+        )
+    assert found.counts == {"ok": 2, "failed": 1}
+    assert "'value' must mean the same at all points" in found.failed[0].why
+    assert np.isfinite(found["value"].values[[0, 2]]).all()
+    if place is not None:
+        assert am.load_sweep(place).rows == found.rows
+
+
+@pytest.mark.parametrize("points_per_task", [1, 3])
+def test_no_value_goes_together_with_any(points_per_task):
+    def answer(p):
+        return {"a": None if p.D != 2 else [1.0, 2.0]}
+
+    with ThreadPoolExecutor(1) as executor:
+        found = am.sweep(
+            am.grid(D=[1, 2, 3]), answer, executor=executor, points_per_task=points_per_task
+        )
+    assert found.complete
+    assert np.isnan(found["a"].values).sum() == 4
 
 
 def test_five_impossible_points_among_a_hundred_are_named():

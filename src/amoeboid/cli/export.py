@@ -36,7 +36,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--follow",
         action="store_true",
-        help="keep the cell in the middle (default: its path if all drag is on the cortex)",
+        help="keep the cell in the middle (default: on its path in the environment of the run, or, "
+        "without one, with all drag on the cortex)",
     )
     parser.add_argument("--fps", type=real, help="frames a second of a movie (default 25)")
     parser.add_argument("--force", action="store_true", help="replace files that are there")

@@ -184,6 +184,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
 def _draw(run: RunFolder, last: Step) -> None:
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
+    from amoeboid.runs.words import environment
     from amoeboid.simulation.timeseries import position_columns
 
     times = [row["t"] for row in run.rows]
@@ -194,7 +195,7 @@ def _draw(run: RunFolder, last: Step) -> None:
         "run",
         {
             run.folder / "trajectory.png": lambda file: save_trajectory_picture(
-                file, times, positions, R0
+                file, times, positions, R0, environment(run.config)
             ),
             run.folder / "cell.png": lambda file: save_cell_picture(file, last),
         },

@@ -17,7 +17,6 @@ from amoeboid.runs.run import Run
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput
 
-MAX_FPS = 240.0
 SLICE = re.compile(r"\s*([+-]?\d{1,9})?\s*(:)?\s*([+-]?\d{1,9})?\s*(?::\s*([+-]?\d{1,9})?\s*)?")
 # The files of a run, which no export replaces.
 OWN = re.compile(r"(manifest\.json|config\.toml|timeseries\.csv|frames\.pvd|checkpoint\.npz"
@@ -47,11 +46,11 @@ def export(
     chosen = exports.named(name)
     given = {"follow": follow, "fps": fps is not None}
     chosen.check(name, [option for option, wanted in given.items() if wanted])
-    rate = _checked_fps(fps)
+    rate = _checked_fps(fps, chosen.max_fps)
     with shown_line(QUIET) as show:
         numbers = selected(frames, len(run.frames))
         job = Job(run, _name(run), numbers, follow, rate, show or untold)
-        if chosen.frames and not len(job.numbers):
+        if (chosen.frames or frames is not None) and not len(job.numbers):
             raise InvalidInput(
                 f"an export to {name} needs frames, {_chosen(frames, len(run.frames))}"
             )
@@ -68,18 +67,22 @@ def selected(frames: Any, count: int) -> range:
     every = range(count)
     if frames is None:
         return every
-    if isinstance(frames, str):
-        frames = _read(frames)
-    if isinstance(frames, slice):
+    chosen = _read(frames) if isinstance(frames, str) else frames
+    if isinstance(chosen, slice):
         try:
-            return every[frames]
+            return every[chosen]
         except (TypeError, ValueError):
             raise _unknown(frames) from None
-    if isinstance(frames, bool) or not isinstance(frames, Integral):
+    if isinstance(chosen, bool) or not isinstance(chosen, Integral):
         raise _unknown(frames)
-    number = int(frames)
+    number = int(chosen)
+    if not count:
+        raise InvalidInput(f"a frame must be one of the run, which has none, got {number}")
     if not -count <= number < count:
-        raise InvalidInput(f"a frame must be a number from 0 to {count - 1}, got {number}")
+        raise InvalidInput(
+            f"a frame must be a number from 0 to {count - 1}, or from the end -{count} to -1, got "
+            f"{number}"
+        )
     return every[number % count : number % count + 1]
 
 
@@ -97,7 +100,8 @@ def _read(text: str) -> Any:
 
 def _unknown(frames: Any) -> InvalidInput:
     return InvalidInput(
-        "frames must be a number or a slice of whole numbers such as 0:100:10, ::2 or -1, got "
+        "frames must be a number or a slice of whole numbers such as 0:100:10, ::2 or -1, with a "
+        "step that is not 0, got "
         f"{str(frames)[:60]!r}"
     )
 
@@ -108,12 +112,12 @@ def _chosen(frames: Any, count: int) -> str:
     return f"{str(frames)[:60]!r} chooses none of the {count} of the run"
 
 
-def _checked_fps(fps: Any) -> float:
+def _checked_fps(fps: Any, most: float) -> float:
     """Frames a second, FPS if None. Raises InvalidInput."""
     if fps is None:
         return FPS
-    if isinstance(fps, bool) or not isinstance(fps, Real) or not 0.0 < float(fps) <= MAX_FPS:
-        raise InvalidInput(f"fps must be a number > 0 and <= {MAX_FPS:g}, got {fps!r}")
+    if isinstance(fps, bool) or not isinstance(fps, Real) or not 0.0 < float(fps) <= most:
+        raise InvalidInput(f"fps must be a number > 0 and <= {most:g} here, got {fps!r}")
     return float(fps)
 
 
@@ -130,6 +134,11 @@ def _format_of(path: str | os.PathLike[str] | None) -> str:
     return plain[0]
 
 
+def _endings() -> set[str]:
+    """The endings of the files of all formats."""
+    return {exports.named(name).suffix for name in exports.names()}
+
+
 def _name(run: Run) -> str:
     """The name of the folder of a run."""
     folder = getattr(run, "folder", None)
@@ -144,12 +153,18 @@ def _targets(
     given = None if path is None else Path(path)
     if given is not None and given.suffix.lower() == chosen.suffix and not given.is_dir():
         if len(files) != 1:
-            shown = ", ".join(list(files)[:3])
+            shown = ", ".join([*list(files)[:2], *(["..."] if len(files) > 2 else [])])
+            remedy = "; or choose one frame" if chosen.one_per_frame else ""
             raise InvalidInput(
-                f"an export to {name} is {len(files)} files here ({shown}, ...), and needs the "
-                f"path of a folder, got {str(given)!r}; or choose one frame"
+                f"an export to {name} is {len(files)} files here ({shown}), and needs the path of "
+                f"a folder, got {str(given)!r}{remedy}"
             )
         return dict(zip([given], files.values(), strict=True))
+    if given is not None and given.suffix.lower() in _endings() and not given.is_dir():
+        raise InvalidInput(
+            f"a file of an export to {name} must end with {chosen.suffix}, and a folder for it "
+            f"must not end as files do, got {str(given)!r}"
+        )
     if given is None:
         given = Path() if len(files) == 1 else Path(f"{job.name}-{name}")
     return {given / file: write for file, write in files.items()}
@@ -165,6 +180,11 @@ def _check(run: Run, targets: Mapping[Path, Write], force: bool) -> None:
             raise InvalidInput(
                 f"an export must not replace the files of the run, got {str(target)!r}; choose "
                 "another folder"
+            )
+        around = next(p for p in target.parents if os.path.lexists(p))
+        if not around.is_dir():
+            raise InvalidInput(
+                f"an export must be in a folder, {str(around)!r} is a file; choose another path"
             )
         if target.is_dir():
             raise InvalidInput(f"an export must be a file, {str(target)!r} is a folder")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,12 @@ from amoeboid.plotting.cell_process import (
     view_axes,
 )
 from amoeboid.plotting.palette import GRAY
+from amoeboid.surface.cell import SurfaceCell
 
 WINDOW = (960, 704)  # pixels; even numbers, which codecs want
 WIDE = 1.55  # half the width that cells fill, in units of the size of the view
+MAX_WORDS = 60  # characters of a line of words
 TURNS = 0.3  # the path is seen from above its plane if it is this wide [R0]
-ASSUMED = "path: all drag on the cortex, uniformly"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +46,21 @@ def pictures(job: Job, kind: str) -> Iterator[Canvas]:
     """The pictures of the frames; only one is kept at a time."""
     view = view_of(job, extent_of(job, kind))
     for _, cell in job.cells(kind):
-        drawn = scene(cell) | {"r": job.nodes(cell)}
+        drawn = placed(job, cell)
         canvas = picture(drawn, view)
         if not job.follow:
-            canvas.text(canvas.share(0.03, 0.11), ASSUMED, GRAY, 0.7 * view.font, "lm")
+            for k, words in enumerate(wrap(f"path: {job.path_words}", MAX_WORDS)):
+                place = canvas.share(0.03, 0.11 + 0.03 * k)
+                canvas.text(place, words, GRAY, 0.7 * view.font, "lm")
         add_scales(canvas, drawn, view)
         yield canvas
+
+
+def placed(job: Job, cell: SurfaceCell) -> dict[str, Any]:
+    """The scene of a cell where it is, in the axes of the export."""
+    drawn, place = scene(cell), job.place(cell)
+    turned = {name: place.turned(drawn[name]) for name in ("normals", "flow", "polarization")}
+    return drawn | turned | {"r": job.nodes(cell)}
 
 
 def extent_of(job: Job, kind: str) -> Extent:
@@ -59,10 +70,9 @@ def extent_of(job: Job, kind: str) -> Extent:
     for _, cell in job.cells(f"{kind}, extent"):
         seen = scene(cell)
         radius = float(np.linalg.norm(seen["r"], axis=1).max())
-        center = np.zeros(3) if job.follow else job.shown(cell.state.position, "L")
         c = seen["c"]
-        found.append((*center, radius, c.min(), c.max(), seen["fastest"]))
-        rear = polarization(cell)
+        found.append((*job.center(cell), radius, c.min(), c.max(), seen["fastest"]))
+        rear = job.place(cell).turned(polarization(cell))
     table = np.array(found, dtype=float)
     limits = float(table[:, 4].min()), float(table[:, 5].max())
     return Extent(table[:, :3], table[:, 3], limits, float(table[:, 6].max()), rear)

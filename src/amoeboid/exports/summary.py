@@ -14,12 +14,13 @@ from amoeboid.plotting.cell import NoPicture, save_picture
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import SHOWN
 from amoeboid.runs.stored import StoredFrames, StoredRun
-from amoeboid.runs.words import stability
+from amoeboid.runs.words import environment, stability
 from amoeboid.studies.columns import text, unit
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
 PICTURE = "cell.png"
+RATES = (("t", "T"), ("growth_rate", "1/T"), ("growth_rate_error", "1/T"))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -62,6 +63,8 @@ def summary(run: Run, picture: str | os.PathLike[str] | None = None) -> Summary:
     """
     problems: list[str] = []
     cell = last_cell(run, problems)
+    if isinstance(run, StoredRun) and not run.rows:
+        problems.append(f"the run in {str(run.folder)!r} has no row in timeseries.csv")
     path = _picture_path(run, picture)
     drawn = path is not None and cell is not None and _drawn(path, cell, problems)
     return Summary(
@@ -114,6 +117,9 @@ def _rows(run: Run, cell: SurfaceCell | None) -> list[tuple[str, str]]:
     if cell is not None:
         rows.append(("nodes", str(len(cell.c))))
     rows.append(("frames", _frames(run)))
+    path = environment(run.config)
+    if path:
+        rows.append(("path in", path))
     if isinstance(run, StoredRun):
         rows.append(("written by", _writer(run)))
     return [*rows, *table(run)]
@@ -157,6 +163,7 @@ def _picture_path(run: Run, picture: str | os.PathLike[str] | None) -> Path | No
 
 def _drawn(path: Path, cell: SurfaceCell, problems: list[str]) -> bool:
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
         save_picture(path, cell)
     except (NoPicture, OSError) as error:
         problems.append(f"the picture {str(path)!r} could not be drawn: {error}")
@@ -180,11 +187,12 @@ def document(run: Run, found: Summary) -> dict[str, Any]:
         "t": float(job.shown(row["t"], "T")) if row else None,
         "steps": row.get("step"),
         "frames": len(run.frames),
+        "environment": environment(run.config) or None,
         **numbers,
         "stability": run.stability if readable else "unknown",
         "growth_rate": None if rate is None else float(job.shown(rate, "1/T")),
         "growth_rate_error": None if error is None else float(job.shown(error, "1/T")),
-        "units": units | {name: job.unit(d) for name, d in (("t", "T"), ("growth_rate", "1/T"))},
+        "units": units | {name: job.unit(d) for name, d in RATES},
         "picture": None if found.picture is None else str(found.picture),
         "problems": list(found.problems),
     }

@@ -31,6 +31,9 @@ LARGE = 0.3
 ROUGH = (0.6, 1.6)
 """Rises of chi2 outside of which a standard error, for which it is 1, is rough."""
 
+FAR = 5.0
+"""Errors between a value and the best fit that are no chance in any table of measurements."""
+
 WITHIN = 1e-3
 """Singular values of one cell that are smaller than this share of its largest are not counted."""
 
@@ -138,6 +141,12 @@ def _of_the_data(found: Fit) -> list[str]:
             f"chi2 is too small for errors of this size (p = {p_value:.5f}): are they standard "
             "deviations of single values?"
         )
+    if p_value is None and not found.errors_estimated:
+        texts.append(
+            "there are as many unknowns as values: chi2 does not tell whether the model describes "
+            "these data"
+        )
+    texts += _far_values(found)
     differ = _probability_of_cells(found)
     if differ is not None and differ < UNLIKELY:
         texts.append(
@@ -150,6 +159,27 @@ def _of_the_data(found: Fit) -> list[str]:
             "the other way round"
         )
     return texts
+
+
+def _far_values(found: Fit) -> list[str]:
+    """The value that is farthest from the fit, if that is no chance."""
+    target, residuals = max(
+        ((t, found.residuals[t.name]) for t in found.problem.targets),
+        key=lambda one: float(np.abs(one[1]).max()),
+    )
+    k = int(np.abs(residuals).argmax())
+    if abs(residuals[k]) < FAR:
+        return []
+    q = next(q for q in found.data if q.name == target.name)
+    pole = "" if found.orientation else " from the front"
+    theta = "" if q.theta is None else f" at theta = {np.rad2deg(q.theta[k]):.4g} deg{pole}"
+    more = int(np.sum(np.abs(np.concatenate(list(found.residuals.values()))) >= FAR)) - 1
+    others = f" ({more} more by {FAR:g} or more)" if more else ""
+    value = f"{q.name} = {q.values[k]:.4g} {q.unit}".rstrip()
+    return [
+        f"{value}{theta} is {abs(residuals[k]):.3g} errors from the best fit{others}: look for "
+        "outliers"
+    ]
 
 
 def _probability_of_cells(found: Fit) -> float | None:

@@ -20,6 +20,11 @@ CLOSE = 0.02
 EDGE = 0.1
 """Relative accuracy to which the distance to the end of the polarized state is sought."""
 
+NOTHING = 0.01
+"""Share of the first step that is no distance to the end of the polarized state."""
+
+STATE_ENDS = "the polarized state ends before chi2 has risen enough"
+
 LONGEST = 1.0
 """Step in y, of the unknown whose interval is sought, that is tried first at the most."""
 
@@ -66,10 +71,12 @@ def end(
     rise: float,
     towards: float,
     tried: Callable[[int], None],
+    edge: bool = False,
 ) -> End:
     """Where chi2 of the profile of y_k has risen by rise^2, in the direction of the sign given.
 
-    `tried` is called before each value of y_k that is tried.
+    `tried` is called before each value of y_k that is tried. `edge`: the best point lies where the
+    polarized state ends, and chi2 falls beyond.
     """
     deviation = float(Sensitivity.of(best.jacobian).errors[k])
     bound = float((problem.upper if towards > 0 else problem.lower)[k])
@@ -78,6 +85,7 @@ def end(
         return End(None, "the best value lies at its bound")
     below, above = (0.0, 0.0), (np.inf, np.inf)  # distance, root of the rise
     distance, near = min(rise * deviation, LONGEST, reach), best
+    least = NOTHING * distance
     for trial in range(MAX_TRIALS):
         tried(trial)
         point = profile_point(problem, near, k, best.y[k] + towards * distance)
@@ -86,7 +94,8 @@ def end(
         else:
             risen = point.chi2 - best.chi2
             if risen < -LOWER:
-                return End(None, f"another minimum lies there, with chi2 lower by {-risen:.3g}")
+                lower = f"another minimum lies there, with chi2 lower by {-risen:.3g}"
+                return End(None, STATE_ENDS if edge else lower)
             root = float(np.sqrt(max(risen, 0.0)))
             if abs(root - rise) <= CLOSE * rise:
                 return End(best.y[k] + towards * distance)
@@ -97,10 +106,12 @@ def end(
             else:
                 above = (distance, root)
         distance = min(_next(below, above, rise), reach)
-        if above[1] == np.inf and above[0] - below[0] < EDGE * above[0]:
-            return End(None, "the polarized state ends before chi2 has risen enough")
+        if above[1] == np.inf and above[0] - below[0] < max(EDGE * above[0], least):
+            return End(None, STATE_ENDS)
     if np.isfinite(above[1]):
         return End(best.y[k] + towards * above[0], "to a few percent")
+    if np.isfinite(above[0]):
+        return End(None, STATE_ENDS)
     return End(None, "chi2 does not rise enough within reach")
 
 

@@ -182,13 +182,16 @@ class Fit:
         signs = (-1.0, 1.0)
 
         def tried(trial: int) -> None:
-            value = self._value(k, float(self.point.y[k]))
+            value = self.plain(self.unknowns[k])[0]
             watch(Progress("interval", self.unknowns[k], value, self.point.state.solution.n, trial))
 
         if deviation > UNDETERMINED:
             ends = [likelihood.End(None, "the data do not determine it")] * 2
         else:
-            ends = [likelihood.end(self.problem, self.point, k, rise, s, tried) for s in signs]
+            edge = self.found.edge
+            ends = [
+                likelihood.end(self.problem, self.point, k, rise, s, tried, edge) for s in signs
+            ]
         values = [None if e.value is None else self._quantity(k, e.value) for e in ends]
         if abs(self._value(k, 0.0)) != self._value(k, 0.0):  # of a negative parameter
             values.reverse()

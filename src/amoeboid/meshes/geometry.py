@@ -133,17 +133,8 @@ def area_centroid(r: Array, g: Geometry) -> Array:
 
 def normal_part(v: Array, normals: Array) -> Array:
     """The part of node vectors v (V, 3) along the unit vectors `normals` (V, 3)."""
-    return np.asarray(_normal_part(np.ascontiguousarray(v), normals))
-
-
-@compiled
-def _normal_part(v, normals):  # type: ignore[no-untyped-def]
-    part = np.empty(v.shape)
-    for i in range(v.shape[0]):
-        along = v[i, 0] * normals[i, 0] + v[i, 1] * normals[i, 1] + v[i, 2] * normals[i, 2]
-        for d in range(3):
-            part[i, d] = along * normals[i, d]
-    return part
+    (x, y, z), (n_x, n_y, n_z) = v.T, normals.T
+    return (x * n_x + y * n_y + z * n_z)[:, None] * normals
 
 
 def face_vectors(r: Array, faces: Index) -> Array:

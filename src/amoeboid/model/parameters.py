@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
-import tomli_w
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
@@ -437,6 +436,8 @@ def parameters_to_toml(p: Parameters) -> str:
 
     Raises InvalidInput for a law or a stress that a text cannot hold.
     """
+    import tomli_w
+
     refuse_unwritable_relations(p)
     return tomli_w.dumps(p.as_dict())
 

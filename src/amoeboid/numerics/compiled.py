@@ -1,21 +1,19 @@
-"""Compilation of numerical kernels, which are then kept; `kept` says where."""
+"""Numerical kernels: functions that are compiled by Numba at their first use, never at import.
+
+The package is thus imported, and its theory and axisymmetric solver work, where Numba is missing.
+"""
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import functools
+from collections.abc import Callable
+from importlib.util import find_spec
 from typing import Any
 
-from numba import njit
-from numba.core import config
-from numba.core.compiler_lock import global_compiler_lock
-
-from amoeboid.numerics import kept
-from amoeboid.numerics.kernel_identity import identity
+from amoeboid.validation import InvalidInput
 
 # Kernels that Python calls, in the order of their definition.
-ENTRIES: list[Any] = []
+ENTRIES: list[Kernel] = []
 
 
 def compiled(kernel: Callable[..., Any]) -> Any:
@@ -25,125 +23,53 @@ def compiled(kernel: Callable[..., Any]) -> Any:
     Where a kept kernel cannot be read (a damaged file) or written (a full disk, no folder that can
     be written to) it is compiled anew, with a RuntimeWarning that names the folder.
     NUMBA_DISABLE_JIT has no effect: some kernels exist as compiled code only.
+    A call raises InvalidInput where Numba is not installed.
     """
-    dispatcher = _compiled(kernel)
-    ENTRIES.append(dispatcher)
-    return dispatcher
+    entry = Kernel(kernel)
+    ENTRIES.append(entry)
+    return entry
 
 
 def nested(kernel: Callable[..., Any]) -> Any:
     """As `compiled`, for a kernel that only other kernels call: compiles in less time."""
-    return _compiled(kernel, no_cpython_wrapper=True)
+    return Kernel(kernel, no_cpython_wrapper=True)
 
 
-def _compiled(kernel: Callable[..., Any], **options: bool) -> Any:
-    # without the entry for C, which nothing uses and every kernel would be compiled again for
-    options |= {"no_cfunc_wrapper": True}
-    with _compilation():
-        dispatcher = njit(error_model="numpy", **options)(kernel)
-    dispatcher._cache = _Kept(kernel, options)
-    compile_one = dispatcher.compile
-
-    def compile_or_load(signature: Any) -> Any:
-        with global_compiler_lock, kept.turn:
-            return compile_one(signature)
-
-    dispatcher.compile = compile_or_load
-    return dispatcher
+@functools.cache
+def has_numba() -> bool:
+    """Whether Numba is installed."""
+    return find_spec("numba") is not None
 
 
-@contextmanager
-def _compilation() -> Iterator[None]:
-    disabled, config.DISABLE_JIT = config.DISABLE_JIT, 0
-    try:
-        yield
-    finally:
-        config.DISABLE_JIT = disabled
+class Kernel:
+    """A function whose dispatcher of Numba is made when it is called, or a caller compiled."""
 
+    def __init__(self, kernel: Callable[..., Any], **options: bool) -> None:
+        functools.update_wrapper(self, kernel)
+        self.py_func, self._options = kernel, options
 
-class _Kept:
-    """What numba asks for a compiled kernel, and gives one to: its cache, whose failures cost time
-    only.
-    """
+    def __call__(self, *arguments: Any) -> Any:
+        """Call the compiled function; see `compiled`."""
+        return self.dispatcher(*arguments)
 
-    def __init__(self, kernel: Callable[..., Any], options: dict[str, bool]) -> None:
-        self._kernel, self._options = kernel, options
-        self._identity: str | None = None
+    @functools.cached_property
+    def dispatcher(self) -> Any:
+        """What Numba calls. Raises InvalidInput where it is not installed."""
+        if not has_numba():
+            raise InvalidInput(
+                "cells on meshes and their surroundings need Numba, which is not installed; "
+                "pip install numba"
+            )
+        from amoeboid.numerics.dispatchers import dispatcher
+
+        return dispatcher(self.py_func, self._options)
 
     @property
-    def cache_path(self) -> str:
-        """The folder."""
-        return str(kept.folder())
+    def stats(self) -> Any:
+        """What was loaded and what compiled, as Numba counts it."""
+        return self.dispatcher.stats
 
-    def load_overload(self, signature: Any, target: Any) -> Any:
-        """The kernel for a signature as it is kept, None if it has to be compiled.
-
-        It has to be if it is not kept and no other program compiles it just now.
-        """
-        name = self._name(signature, target)
-        found = _loaded(name, target)
-        if found is None:
-            for _ in kept.turn.waits():
-                found = _loaded(name, target)
-                if found is not None:
-                    break
-        return found
-
-    def save_overload(self, signature: Any, kernel: Any) -> None:
-        """Keep the kernel for a signature, if that is possible."""
-        if kernel.library.has_dynamic_globals:
-            return  # addresses that mean nothing to another program
-        name = self._name(signature, kernel.target_context)
-        try:
-            kept.save(name, kernel)
-        except Exception as error:
-            _say_unkept(str(kept.folder()), _words(error))
-
-    def _name(self, signature: Any, target: Any) -> str:
-        if self._identity is None:
-            self._identity = identity(self._kernel, sorted(self._options))
-        own_name = f"{self._kernel.__module__}.{self._kernel.__qualname__}"
-        return kept.name_of(own_name, self._identity, signature, target)
-
-    enable = disable = flush = lambda self: None
-
-
-def _loaded(name: str, target: Any) -> Any:
-    for folder in kept.folders(target):
-        try:
-            found = kept.load(folder, name, target)
-        except Exception as error:  # unpickling raises whatever a damaged file leads it to
-            _say_damaged(str(folder), error)
-            continue
-        if found is not None:
-            return found
-    return None
-
-
-def _say_damaged(folder: str, error: Exception) -> None:
-    _say_once(
-        folder,
-        f"kernels kept in {folder!r} cannot be read ({_words(error)}); they are compiled anew, and "
-        "kept if that is possible",
-    )
-
-
-def _say_unkept(folder: str, why: str) -> None:
-    _say_once(
-        folder,
-        f"compiled kernels cannot be kept in {folder!r} ({why}); they are compiled in every "
-        "program: set NUMBA_CACHE_DIR to a folder with room for them",
-    )
-
-
-def _words(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error) or type(error).__name__
-
-
-_said: set[str] = set()  # folders, of which one message each is enough
-
-
-def _say_once(folder: str, message: str) -> None:
-    if folder not in _said:
-        _said.add(folder)
-        warnings.warn(message, RuntimeWarning, stacklevel=2)
+    @property
+    def _numba_type_(self) -> Any:
+        """Its type, which Numba asks for where another kernel calls this one."""
+        return self.dispatcher._numba_type_

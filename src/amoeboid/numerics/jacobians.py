@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics import machine
 from amoeboid.numerics.programs import Partials, Program, Record, program, transposed
 
 Maps = Mapping[str, tuple[int, Array]]
@@ -23,7 +24,7 @@ Maps = Mapping[str, tuple[int, Array]]
 class Equations:
     """Equations for fields at n points, recorded: their values, and their exact Jacobian.
 
-    The arrays are those of `machine.jacobian`.
+    The arrays are those of `compiled_machine.jacobian`.
     """
 
     values: Program
@@ -43,10 +44,8 @@ class Equations:
         self, inputs: Any, scales: Array, kind: Any = float
     ) -> tuple[Array, Array]:
         """The same and their derivatives to the unknowns, both divided by `scales`."""
-        from amoeboid.numerics.machine import jacobian
-
         rows = self.everything.run(inputs, kind)
-        found = jacobian(
+        found = machine.loops().jacobian(
             rows, self.maps, self.matrices, self.fields, self.terms, self.spans, scales
         )
         return self._values(self.everything, rows) / scales, found

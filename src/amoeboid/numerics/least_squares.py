@@ -21,6 +21,10 @@ TOLERANCE = 1e-8
 NEGLIGIBLE = 1e-10
 """A singular value this much smaller than the largest one is zero."""
 
+UNSEEN = 1e-9
+"""A singular value this much smaller than the residuals is zero: the longest step along it lowers
+the sum of squares by less than TOLERANCE."""
+
 FIRST_RADIUS, MAX_RADIUS, MIN_RADIUS = 0.5, 2.0, 1e-9
 MAX_ITERATIONS = 100
 
@@ -119,7 +123,9 @@ def _step(jacobian: Array, r: Array, radius: float) -> tuple[Array, float]:
     if jacobian.shape[1] == 0:
         return np.zeros(0), 0.0
     left, s, right = np.linalg.svd(jacobian, full_matrices=False)
-    counts = s > NEGLIGIBLE * s[0]
+    counts = s > max(NEGLIGIBLE * float(s[0]), UNSEEN * float(np.linalg.norm(r)))
+    if not counts.any():
+        return np.zeros(jacobian.shape[1]), 0.0
     g, s, right = (left.T @ r)[counts], s[counts], right[counts]
 
     def components(damping: float) -> Array:

@@ -146,7 +146,8 @@ def _backtracked(
         if size <= max(2.0 * before if fraction == 1.0 else before, rounding):
             return trial, there, size, fraction
         if fraction == 1.0 and np.isfinite(size):
-            following = _rms(jacobian.solve(there) / scale)
+            with np.errstate(all="ignore"):
+                following = _rms(jacobian.solve(there) / scale)  # infinite far from a solution
             if following <= KEPT * _rms(step / scale):
                 return trial, there, size, fraction
         fraction /= 2

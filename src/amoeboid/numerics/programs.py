@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics import machine
 
 Partials = dict[int, int]
 """Derivative of a symbol: the symbol of a diagonal by the symbol (input or product) of its map."""
@@ -260,8 +261,7 @@ class Program:
 
     def run(self, inputs: Any, kind: Any = float) -> Array:
         """All rows, float or complex, for `inputs[name]`, numbers or arrays (n,) or (1,)."""
-        from amoeboid.numerics.machine import run_steps
-
+        run_steps = machine.loops().run_steps
         given = [inputs[name] for name in self.inputs]
         begin = len(self.constants)
         rows = np.empty((begin + len(given) + len(self.steps), self.constants.shape[1]), kind)

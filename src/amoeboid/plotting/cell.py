@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.model.parameters import Parameters
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
 from amoeboid.output.atomic import write_atomically
 from amoeboid.plotting import cell_process
@@ -65,8 +66,15 @@ def scene(cell: SurfaceCell) -> dict[str, Any]:
         "t": magnitude(p, cell.t, "T"),
         "fastest": magnitude(p, fastest, "L/T"),
         "moving": fastest > MIN_FLOW * cell.rate * p.R0,
-        "units": [f"[{unit(p, dimension)}]" for dimension in ("L", "T", "N/L^2", "L/T")],
+        "units": [_drawn_unit(p, dimension) for dimension in ("L", "T", "N/L^2", "L/T")],
     }
+
+
+def _drawn_unit(p: Parameters, dimension: str) -> str:
+    """A unit as a picture shows it behind a number; a dimension, which is none, in brackets."""
+    if p.units is None:
+        return f"[{dimension}]"
+    return unit(p, dimension)
 
 
 def _draw(path: Path, archive: bytes) -> None:

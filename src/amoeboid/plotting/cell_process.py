@@ -3,7 +3,7 @@
 Argument: the PNG file to write. Standard input: an .npz archive, `r` (V, 3) about the centroid,
 `faces` (F, 3), `c` (V,), `normals` (V, 3), `flow` (V, 3) the retrograde flow, `polarization` (3,),
 the numbers `R0`, `c0`, `t`, `fastest` (of the flow) and `moving` (whether that is a motion), and
-the texts `units` (4,) of length, time, concentration and speed.
+the texts `units` (4,) of length, time, concentration and speed, dimensions in brackets.
 """
 
 from __future__ import annotations
@@ -97,11 +97,13 @@ def add_scales(canvas: Canvas, scene: Scene, view: View) -> None:
     words = f"t = {float(scene['t']):.4g} {time}"
     canvas.text(canvas.share(0.03, 0.06), words, INK, view.font, "lm")
     _add_scale(canvas, view, float(scene["R0"]), length, speed if scene["moving"] else None)
-    canvas.color_bar(*view.limits, f"filament concentration c {concentration}", view.font)
+    canvas.color_bar(
+        *view.limits, f"filament concentration c [{concentration.strip('[]')}]", view.font
+    )
 
 
 def _add_scale(canvas: Canvas, view: View, R0: float, unit: str, speed: str | None) -> None:
-    """A scale bar at the upper right, and an arrow as long as that of the fastest flow."""
+    """A scale bar at the upper right; at the lower left an arrow as long as the fastest flow."""
     right, up, _ = view.axes
     size, about = view.size, view.about
     length = round_length(0.6 * size)
@@ -112,10 +114,17 @@ def _add_scale(canvas: Canvas, view: View, R0: float, unit: str, speed: str | No
     place = end - 0.5 * length * right - 0.14 * size * up
     _label(canvas, view, place, f"{length:g} {unit}", INK)
     if speed is not None:
-        begin = about + size * (-1.5 * right - 0.65 * up)
-        canvas.arrow(begin, ARROW * R0 * right, INK)
-        place = begin + 0.5 * ARROW * R0 * right - 0.16 * size * up
-        _label(canvas, view, place, f"retrograde flow {view.fastest:.3g} {speed}", INK)
+        canvas.arrow(_at(view, 0.03, 0.815), ARROW * R0 * right, INK)
+        words = f"retrograde flow {view.fastest:.3g} {speed}"
+        canvas.text(canvas.share(0.03, 0.868), words, INK, view.font, "lm")
+
+
+def _at(view: View, across: float, down: float) -> Array:
+    """The point (3,) that is seen at these shares of the picture, see `Canvas.share`."""
+    right, up, _ = view.axes
+    wide = view.window[0] / view.window[1]
+    seen = (2.0 * across - 1.0) * wide * right + (1.0 - 2.0 * down) * up
+    return np.asarray(view.middle + HEIGHT * view.size * seen)
 
 
 def seen_along(rear: Array, side: Array) -> tuple[Array, Array, Array]:

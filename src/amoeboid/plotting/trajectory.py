@@ -1,4 +1,4 @@
-"""The way of a cell with all drag on its cortex, seen onto its main plane and along it."""
+"""The way of a cell, seen onto its main plane and along it."""
 
 from __future__ import annotations
 
@@ -21,17 +21,20 @@ WIDTH, HEIGHT, GAP = 2.7, 0.9, 0.3  # of the two views and between them; the pic
 DOT = 0.012
 
 
-def save_trajectory_picture(path: Path, times: ArrayLike, positions: ArrayLike, R0: float) -> bool:
+def save_trajectory_picture(
+    path: Path, times: ArrayLike, positions: ArrayLike, R0: float, environment: str = ""
+) -> bool:
     """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
 
-    Positions are those of `State.position`: drag on the cortex alone. The view is along the
+    `environment` says what resists the cell; empty: positions are those of `State.position`, with
+    drag on the cortex alone. The view is along the
     principal axes of the way, the longest to the right; the bar is so many R0 long.
     """
     t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
     if np.linalg.norm(x - x[0], axis=1).max() < MIN_WAY:
         return False
     kept = np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_DOTS)).round().astype(int))
-    canvas = _drawn(t[kept], along_principal_axes(x)[kept])
+    canvas = _drawn(t[kept], along_principal_axes(x)[kept], environment)
     write_atomically(path, canvas.save)
     return True
 
@@ -44,7 +47,7 @@ def along_principal_axes(x: Array) -> Array:
     return np.asarray(along * np.where(along[-1] < 0, -1.0, 1.0))
 
 
-def _drawn(t: Array, way: Array) -> Canvas:
+def _drawn(t: Array, way: Array, environment: str) -> Canvas:
     """Two views of a way, (T, 3) in units of R0 along its principal axes."""
     canvas = Canvas(*WINDOW, (*np.eye(3),), np.zeros(3), 1.0)
     low, extent = way.min(axis=0), np.ptp(way, axis=0)
@@ -59,7 +62,8 @@ def _drawn(t: Array, way: Array) -> Canvas:
         place = np.array([left, top + scale * extent[k] + 0.07, 0.0])
         canvas.text(canvas.place(place), title, GRAY, FONT_SIZE, "lm")
         top -= GAP
-    title = "trajectory of the cell if all drag is on its cortex, uniformly"
+    where = f"in: {environment}" if environment else "if all drag is on its cortex, uniformly"
+    title = f"trajectory of the cell {where}"
     canvas.text(canvas.share(0.5, 0.05), title, INK, 1.15 * FONT_SIZE)
     _add_scale(canvas, scale, float(max(extent[0], 1.0)))
     canvas.color_bar(float(t[0]), float(t[-1]), "time t [T] (dark dot: start)", FONT_SIZE)

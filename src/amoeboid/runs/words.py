@@ -2,9 +2,51 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
+from amoeboid.config import Config
+from amoeboid.model.parameters import Parameters
+from amoeboid.motility.environments import Environment
+from amoeboid.motility.words import FIRST_FIELD
 from amoeboid.simulation.step import Step
+from amoeboid.simulation.timeseries import environment_of
+from amoeboid.studies.columns import text
+
+ASSUMED = "all drag on the cortex, uniformly"
+
+
+def environment(config: Config) -> str:
+    """In what a run records its path, such as "patch, half_angle 30"; empty if in nothing.
+
+    A viscosity or friction is left out where nothing else resists: the path does not depend on it.
+    """
+    found = environment_of(config)
+    if found is None:
+        return ""
+    alone = len(found.parts) == 1
+    return " + ".join(_resisting(part, config.parameters, alone) for part in found.parts)
+
+
+def _resisting(part: Environment, p: Parameters, alone: bool) -> str:
+    dimensions = {f.name: f.metadata.get("dimension") for f in fields(part)}
+    scale_alone = alone and sum(d is not None for d in dimensions.values()) == 1
+    words = [part.name or type(part).__name__]
+    for f in fields(part):
+        value, dimension = getattr(part, f.name), dimensions[f.name]
+        usual = value == f.default and f.name != FIRST_FIELD.get(part.name)
+        if value is None or usual or (dimension and scale_alone):
+            continue
+        words.append(f"{f.name} {_said(p, value, dimension)}")
+    return ", ".join(words)
+
+
+def _said(p: Parameters, value: Any, dimension: str | None) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple):
+        return f"({', '.join(f'{x:.4g}' for x in value)})"
+    return text(p, value, dimension, ".4g") if isinstance(value, int | float) else str(value)
 
 
 def number(value: float, digits: int) -> str:

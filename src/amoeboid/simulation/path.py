@@ -8,7 +8,8 @@ the row before alone: a run that is resumed goes on with the same bits.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from bisect import bisect_right
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from amoeboid.observables import MIN_SPEED_WITH_HEADING
 from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
 from amoeboid.surface.rigid import angular_velocity, rotated
+from amoeboid.validation import InvalidInput
 
 VECTORS = {
     "migration": "L",
@@ -103,6 +105,48 @@ def advanced(
     axes = axes @ rotation_of(half * (earlier + axes_turning))
     moved = before[SPEED] * _vector(before, "migration_heading") + axes @ velocity
     return _vector(before, "migration") + half * moved, axes
+
+
+class RecordedPath:
+    """The path that the rows of a run record, at any time up to their last.
+
+    Between rows the velocities, in the axes of the run, are linear in time, and are integrated by
+    the rule that made the rows: of second order, and at a row that row.
+    """
+
+    def __init__(self, rows: Sequence[Row]) -> None:
+        self._rows = [row for row in rows if PATH_UNITS.keys() <= row.keys()]
+        self._times = [row["t"] for row in self._rows]
+
+    def at(self, t: float) -> tuple[Array, Array]:
+        """Position (3,) in the laboratory [L], and axes (3, 3) of the run, in columns.
+
+        Raises InvalidInput for a time that the rows do not reach.
+        """
+        if not self._times or not self._times[0] <= t <= self._times[-1]:
+            reach = f"t = {self._times[-1]:g}" if self._times else "no time"
+            raise InvalidInput(
+                f"the time series must record the path up to t = {t:g}, it reaches {reach} (in "
+                "numbers of the solver); choose frames before, or a format that follows the cell "
+                "(--follow)"
+            )
+        here = bisect_right(self._times, t) - 1
+        before, after = self._rows[here], self._rows[min(here + 1, len(self._rows) - 1)]
+        if before["t"] == t:
+            return _vector(before, "migration"), rotation_of(_vector(before, "migration_axes"))
+        share = (t - before["t"]) / (after["t"] - before["t"])
+        mean = [
+            (1.0 - share) * a + share * b
+            for a, b in zip(_motion(before), _motion(after), strict=True)
+        ]
+        return advanced(before, t, *mean)
+
+
+def _motion(row: Row) -> tuple[Array, Array]:
+    """Velocity (3,), and angular velocity (3,) of the axes of the run, in these axes."""
+    velocity = row[SPEED] * _vector(row, "migration_heading")
+    axes = rotation_of(_vector(row, "migration_axes"))
+    return axes.T @ velocity, _vector(row, "migration_axes_turning")
 
 
 def _turning(step: Step) -> Array:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.config import Noise
 from amoeboid.meshes.bending import TwoRings
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
@@ -20,7 +21,7 @@ from amoeboid.model.constitutive import Differences, NoDerivatives
 from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.sparse import MMatrixLU, SparseCholesky
+from amoeboid.numerics import sparse
 
 
 class Solvers:
@@ -33,9 +34,9 @@ class Solvers:
         return {"mesh": self.mesh}
 
     @cached_property
-    def vector_solver(self) -> SparseCholesky:
+    def vector_solver(self) -> sparse.SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities."""
-        return SparseCholesky(self.mesh.row_start, self.mesh.columns)
+        return sparse.SparseCholesky(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def two_rings(self) -> TwoRings:
@@ -43,14 +44,14 @@ class Solvers:
         return TwoRings(self.mesh)
 
     @cached_property
-    def bending_solver(self) -> SparseCholesky:
+    def bending_solver(self) -> sparse.SparseCholesky:
         """Solver for symmetric (3V, 3V) matrices of node velocities, on `two_rings`."""
-        return SparseCholesky(self.two_rings.row_start, self.two_rings.columns)
+        return sparse.SparseCholesky(self.two_rings.row_start, self.two_rings.columns)
 
     @cached_property
-    def scalar_solver(self) -> MMatrixLU:
+    def scalar_solver(self) -> sparse.MMatrixLU:
         """Solver for (V, V) matrices of node concentrations."""
-        return MMatrixLU(self.mesh.row_start, self.mesh.columns)
+        return sparse.MMatrixLU(self.mesh.row_start, self.mesh.columns)
 
     @cached_property
     def transposed(self) -> NDArray[np.int64]:
@@ -73,7 +74,7 @@ class Model:
     `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
     the total area A0, as many as at the beginning of the run. `inputs`, if there are any: how
     parameters change in time, and a cue; `parameters` and `cue` are then those at time `t` [T].
-    Made by `driven` and `at`.
+    Made by `driven` and `at`. `noise`: shot noise of the filaments, if there is any.
     """
 
     parameters: Parameters
@@ -83,6 +84,7 @@ class Model:
     t: float = 0.0
     cue: Any = None
     solvers: Solvers = field(default=None)  # type: ignore[assignment]
+    noise: Noise | None = None
 
     def __post_init__(self) -> None:
         if self.edge_length == 0.0:
@@ -126,6 +128,16 @@ class Model:
     def given(self) -> Parameters:
         """The parameters as the run was given them; a change in time leaves these."""
         return self.parameters if self.inputs is None else self.inputs.given
+
+    def with_noise(self, noise: Noise) -> Model:
+        """The model with shot noise of the filaments; itself if there is none."""
+        return replace(self, noise=noise) if noise.acts else self
+
+    @property
+    def filaments_per_number(self) -> float:
+        """Filaments in a unit of number [1/N], where there is shot noise."""
+        assert self.noise is not None  # noqa: S101
+        return self.noise.filaments / (self.A0 * self.given.c0)
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -184,12 +196,12 @@ class Model:
         return np.asarray(x / np.linalg.norm(x, axis=1)[:, None])
 
     @property
-    def vector_solver(self) -> SparseCholesky:
+    def vector_solver(self) -> sparse.SparseCholesky:
         """See Solvers."""
         return self.solvers.vector_solver
 
     @property
-    def scalar_solver(self) -> MMatrixLU:
+    def scalar_solver(self) -> sparse.MMatrixLU:
         """See Solvers."""
         return self.solvers.scalar_solver
 

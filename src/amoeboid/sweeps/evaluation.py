@@ -44,6 +44,15 @@ class Meaning:
     dims: tuple[str, ...]
     labels: tuple[tuple[str, tuple[Any, ...]], ...] = ()
 
+    @property
+    def is_nothing(self) -> bool:
+        """Whether it is that of None, which any value may take the place of."""
+        return not (self.kind or self.unit or self.dims)
+
+    def __str__(self) -> str:
+        what = f"{self.kind or 'no value'}{f' in {self.unit}' if self.unit else ''}"
+        return f"{what} along {', '.join(self.dims)}" if self.dims else f"a single {what}"
+
 
 Meanings = dict[str, Meaning]
 
@@ -93,7 +102,8 @@ def evaluated(solver: Solver, cells: Sequence[Any], attempt: int = 0) -> tuple[l
 
 def failure(why: str, again: bool = False) -> str:
     """The line of a point that failed; `again`: another time it may succeed."""
-    return _json({"status": FAILED, "why": why[:MAX_WHY], **({"again": True} if again else {})})
+    told = _printable(why)[:MAX_WHY]
+    return _json({"status": FAILED, "why": told, **({"again": True} if again else {})})
 
 
 def _of_batch(solver: Solver, cells: Sequence[Any], meanings: Meanings) -> list[str]:
@@ -135,15 +145,22 @@ def _line(solver: Solver, called: _Called, meanings: Meanings) -> str:
         return failure(_why(error), isinstance(error, OSError | MemoryError))
     row = {
         "status": OK if complete else INCOMPLETE,
-        "why": texts(problems)[:MAX_WHY],
-        "warnings": texts(dict.fromkeys((*called.warnings, *told)))[:MAX_WHY],
+        "why": _printable(texts(problems))[:MAX_WHY],
+        "warnings": _printable(texts(dict.fromkeys((*called.warnings, *told))))[:MAX_WHY],
     }
     return _json({**{k: v for k, v in row.items() if v}, "values": values})
 
 
 def _why(error: BaseException) -> str:
-    told = " ".join(str(error).split())
-    return told if isinstance(error, InvalidInput) and told else f"{type(error).__name__}: {told}"
+    told, kind = " ".join(str(error).split()), type(error).__name__
+    if not told:
+        return kind
+    return told if isinstance(error, InvalidInput) else f"{kind}: {told}"
+
+
+def _printable(told: str) -> str:
+    """A message on one line that neither a terminal nor a file takes for anything else."""
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in told)
 
 
 def _completeness(answer: Any) -> tuple[bool, tuple[str, ...]]:
@@ -181,6 +198,12 @@ def entries_of(answer: Any) -> Mapping[str, Recorded]:
     if isinstance(answer, Mapping):
         if not answer or not all(isinstance(name, str) and name for name in answer):
             raise InvalidInput(f"a solver must name what it gives by texts, got {answer!r:.200}")
+        for name in answer:
+            if "/" in name or not name.isprintable() or name != name.strip():
+                raise InvalidInput(
+                    "a solver must name what it gives by texts that NetCDF takes, without '/', "
+                    f"control characters and spaces around them, got {name!r:.100}"
+                )
         return {name: _entry(name, value) for name, value in answer.items()}
     return {VALUE: _entry(VALUE, answer)}
 
@@ -192,6 +215,8 @@ def _entry(name: str, value: Any) -> Recorded:
     unit = ""
     if hasattr(value, "magnitude") and hasattr(value, "units"):
         value, unit = value.magnitude, f"{value.units:~}"
+    if isinstance(value, np.ma.MaskedArray):
+        value = value.tolist()  # None where it is masked
     if value is None or isinstance(value, str):
         return Recorded(value, unit)
     found = np.array(value, dtype=object)  # which keeps numbers and texts apart
@@ -201,14 +226,38 @@ def _entry(name: str, value: Any) -> Recorded:
 
 def joined(name: str, before: Meaning | None, now: Meaning) -> Meaning:
     """One meaning for a name that several points give. Raises InvalidInput where they differ."""
-    if before is None or before == now:
+    if before is None or before == now or before.is_nothing:
         return now
+    if now.is_nothing:
+        return before
     kind = before.kind or now.kind
     if replace(before, kind=kind) != replace(now, kind=now.kind or kind):
         raise InvalidInput(
-            f"{name!r} must mean the same at all points, got {before!r:.200} and {now!r:.200}"
+            f"{name!r} must mean the same at all points, it is {before} at one and {now} at this; "
+            "give them different names, or None where there is no value"
         )
     return replace(now, kind=kind)
+
+
+def agreed(known: Meanings, new: Meanings) -> tuple[Meanings, dict[str, str]]:
+    """What names mean now, of those that may join what is known; why not, of the others."""
+    joint: Meanings = {}
+    conflicts: dict[str, str] = {}
+    for name, meaning in new.items():
+        try:
+            joint[name] = joined(name, known.get(name), meaning)
+        except InvalidInput as problem:
+            conflicts[name] = str(problem)
+    return joint, conflicts
+
+
+def without_conflicts(line: str, conflicts: Mapping[str, str]) -> str:
+    """The line of a point, which has failed if its names mean something else than elsewhere."""
+    if not conflicts:
+        return line
+    values = json.loads(line).get("values") or {}
+    why = [told for name, told in conflicts.items() if values.get(name) is not None]
+    return failure(why[0]) if why else line
 
 
 def _written(name: str, entry: Recorded) -> tuple[Any, str]:
@@ -227,6 +276,11 @@ def _written(name: str, entry: Recorded) -> tuple[Any, str]:
         if value is None:
             return None
         if isinstance(value, str):
+            if any(c == "\0" or "\ud800" <= c <= "\udfff" for c in value):
+                raise InvalidInput(
+                    f"a text must be one that UTF-8 and NetCDF hold, got {value!r:.100} for "
+                    f"{name!r}; leave out zeros and halves of characters"
+                )
             kinds.add(TEXT)
             return value
         if isinstance(value, bool | int | float):

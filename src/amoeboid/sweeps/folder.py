@@ -26,7 +26,15 @@ from pathlib import Path
 from typing import Any
 
 from amoeboid.output.atomic import PARTIAL, remove_partial, text_of, write_text
-from amoeboid.sweeps.evaluation import FAILED, STATUSES, Meaning, Meanings, joined
+from amoeboid.sweeps.evaluation import (
+    FAILED,
+    STATUSES,
+    Meaning,
+    Meanings,
+    agreed,
+    joined,
+    without_conflicts,
+)
 from amoeboid.validation import InvalidInput
 
 try:
@@ -120,10 +128,11 @@ class SweepFolder:
         self._code = code
         for path in sorted((self.path / RESULTS).glob("*.jsonl")):
             told = self._told if path == own else {}
+            conflicts: dict[str, str] = {}  # names that mean something else in another file
             for line in _lines(path):
-                self._take(line, told)
+                self._take(line, told, conflicts)
 
-    def _take(self, line: str, told: Meanings) -> None:
+    def _take(self, line: str, told: Meanings, conflicts: dict[str, str]) -> None:
         try:
             found = json.loads(line)
         except (ValueError, RecursionError):
@@ -134,10 +143,13 @@ class SweepFolder:
         if isinstance(found.get("meanings"), dict) and found.get("code") == self._code:
             with suppress(TypeError, ValueError, KeyError):
                 read = {n: _meaning(m) for n, m in found["meanings"].items()}
-                _learn(self.meanings, read)
-                _learn(told, read)
+                joint, differing = agreed(self.meanings, read)
+                conflicts |= differing
+                self.meanings |= joint
+                told |= agreed(told, read)[0]
         elif isinstance(key, str) and found.get("status") in STATUSES:
-            failed_now = found["status"] == FAILED
+            line = without_conflicts(line, conflicts)
+            failed_now = status_of(line) == FAILED
             if not failed_now or key not in self.rows or status_of(self.rows[key]) == FAILED:
                 self.rows[key] = line
 

@@ -284,6 +284,7 @@ def _spaced(base: Base, name: str, given: Mapping[str, Any]) -> tuple[float, ...
         raise InvalidInput(
             f"{kind} of {name} must be [first, last, count] with a whole count >= 2, got {entry!r}"
         )
+    _check_count(int(count))
     first, last = _ends(base, name, kind, entry[:2])
     spaced = np.geomspace if kind == "logspace" else np.linspace
     return tuple(spaced(first, last, int(count)).tolist())

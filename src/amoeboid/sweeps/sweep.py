@@ -18,7 +18,14 @@ from amoeboid.config import SECTIONS, Config
 from amoeboid.identity.content import Unidentified, content, name_of
 from amoeboid.model.parameters import Parameters, refuse_unwritable_relations
 from amoeboid.output.versions import installed_versions
-from amoeboid.sweeps.evaluation import FAILED, Meanings, Solver, failure, joined
+from amoeboid.sweeps.evaluation import (
+    FAILED,
+    Meanings,
+    Solver,
+    agreed,
+    failure,
+    without_conflicts,
+)
 from amoeboid.sweeps.execution import Parallel, run_serially
 from amoeboid.sweeps.folder import FORMAT, TABLE, VERSION, SweepFolder
 from amoeboid.sweeps.points import Base, Points, listed
@@ -154,12 +161,14 @@ class _Run:
 
         def take(places: Sequence[int], lines: Sequence[str], new: Meanings) -> None:
             nonlocal done
-            rows = {keys[k]: line for k, line in zip(places, lines, strict=True)}
+            joint, conflicts = agreed(meanings, new)
+            sound = [without_conflicts(line, conflicts) for line in lines]
+            rows = {keys[k]: line for k, line in zip(places, sound, strict=True)}
             if self.store is not None:
-                self.store.add(rows, new)
+                self.store.add(rows, joint)
             else:
                 known.update(rows)
-                meanings.update({n: joined(n, meanings.get(n), m) for n, m in new.items()})
+                meanings.update(joint)
             self._fresh.update(rows)
             done += len(places)
             report(done, total)

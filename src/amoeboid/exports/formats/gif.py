@@ -17,6 +17,7 @@ from amoeboid.plotting.palette import INK
 
 SHADES, LIGHTS, GRAYS = 44, 5, 36  # colors of the palette, 256 in all
 TRAILER = b";"
+MAX_FPS = 50.0  # browsers slow faster ones
 
 
 @cache
@@ -36,7 +37,7 @@ def palette() -> Any:
 
 def write(job: Job, path: Path) -> None:
     """Write the frames one by one; each is an image with the palette of all."""
-    delay = max(2, round(100.0 / job.fps))  # hundredths of a second; browsers slow shorter ones
+    delay = round(100.0 / job.fps)  # hundredths of a second
     with path.open("wb") as file:
         for count, canvas in enumerate(pictures(job, "gif")):
             head, block = _encoded(canvas.image())
@@ -73,5 +74,5 @@ def files(job: Job) -> Mapping[str, Write]:
 
 FORMAT = Format(
     f"a movie of {WINDOW[0]} x {WINDOW[1]} pixels with time, scale bar and colors", ".gif", files,
-    frozenset({"follow", "fps"}),
+    frozenset({"follow", "fps"}), max_fps=MAX_FPS,
 )  # fmt: skip

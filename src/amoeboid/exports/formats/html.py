@@ -16,6 +16,7 @@ from amoeboid.observables import max_retrograde_speed, retrograde_flow
 from amoeboid.plotting.cell import MIN_FLOW
 from amoeboid.plotting.cell_process import ARROW, color_limits, spread_out
 from amoeboid.runs.analysis import axis
+from amoeboid.studies.columns import text
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
 
@@ -62,12 +63,16 @@ def write(job: Job, path: Path) -> None:
     low, high = color_limits(float(lows.min()), float(highs.max()), p.c0)
     axes = own_axes(axis(job.cell(job.numbers[-1]), np.array([0.0, 0.0, 1.0])))
     first, *later = moments(job, axes, float(speeds.max()) or 1.0)
-    ends = [text for text in (first.words, later[-1].words if later else "") if text]
+    ends = [first.words, later[-1].words] if later else [first.words]
+    count = "one frame" if len(sizes) == 1 else f"{len(sizes)} frames"
+    fastest = text(p, float(speeds.max()), "L/T", ".3g")
     scene = Scene(
         **vars(first),
         title=f"Cell, {p.description}",
-        about=f"A cell, {' to '.join(ends)}, from {len(sizes)} frames of a run. The color is the "
-        "filament concentration; arrows show the retrograde flow.",
+        about=f"A cell, {' to '.join(ends)}, from {count} of a run. The color is the filament "
+        f"concentration; arrows show the retrograde flow, the fastest is {fastest}. The radius of "
+        f"the undeformed cell is R0 = {text(p, p.R0, 'L', '.4g')}. The table is of the end of the "
+        f"run{_end(job)}.",
         label=f"filament concentration c [{job.unit('N/L^2')}]",
         values=dict(table(job.run)),
         limits=(float(job.shown(low, "N/L^2")), float(job.shown(high, "N/L^2"))),
@@ -75,6 +80,11 @@ def write(job: Job, path: Path) -> None:
         moves=False,
     )
     path.write_text(page(scene, later), encoding="utf-8")
+
+
+def _end(job: Job) -> str:
+    rows = job.run.rows
+    return f", t = {text(job.run.parameters, rows[-1]['t'], 'T', '.4g')}" if rows else ""
 
 
 def files(job: Job) -> Mapping[str, Write]:

@@ -22,7 +22,7 @@ def tracks(job: Job, path: Path) -> None:
 
     def rows() -> Iterator[list[Any]]:
         for count, (_, cell) in enumerate(job.cells("tracks")):
-            x, y, z = (float(a) for a in job.shown(cell.state.position, "L"))
+            x, y, z = (float(a) for a in job.center(cell))
             yield [TRACK, count, z, y, x]
 
     write_rows(path, [["track_id", "t", "z", "y", "x"]], rows())
@@ -43,7 +43,8 @@ def surface(job: Job, path: Path) -> None:
 
     def faces() -> Iterator[Array]:
         for count, (_, cell) in enumerate(job.cells("faces")):
-            yield cell.faces + starts[count]
+            # outward in the order z, y, x of the vertices, which mirrors the cell
+            yield cell.faces[:, ::-1] + starts[count]
 
     def values() -> Iterator[Array]:
         for _, cell in job.cells("values"):

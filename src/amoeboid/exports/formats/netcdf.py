@@ -25,11 +25,15 @@ FIELDS: dict[str, tuple[tuple[str, ...], str | None, str]] = {
     "frame_t": ((), "T", "time of the frame"),
     "n_nodes": ((), None, "number of nodes of the frame"),
     "n_triangles": ((), None, "number of triangles of the frame"),
-    "center": (("xyz",), "L", "center of volume, if all drag is on the cortex, uniformly"),
+    "center": (("xyz",), "L", "center of volume"),
     "x": (("node", "xyz"), "L", "nodes relative to the center of volume"),
     "c": (("node",), "N/L^2", "filament concentration"),
-    "v": (("node", "xyz"), "L/T", "full velocity in the frame of the nodes"),
-    "retrograde_flow": (("node", "xyz"), "L/T", "tangential velocity in the frame of the cell"),
+    "v": (("node", "xyz"), "L/T", "full velocity in the frame of the nodes, in the axes of x"),
+    "retrograde_flow": (
+        ("node", "xyz"),
+        "L/T",
+        "tangential velocity in the frame of the cell, same axes",
+    ),
     "triangles": (("triangle", "corner"), None, "numbers of the nodes, outward"),
 }
 WHOLE_NUMBERS = {"n_nodes", "n_triangles", "triangles"}
@@ -69,6 +73,7 @@ def _about(job: Job) -> dict[str, Any]:
     return {
         "title": f"run {job.name}: {run.parameters.description}",
         "source": f"amoeboid {version('amoeboid')}",
+        "path": job.path_words,
         "status": run.status,
         "ended": run.ended,
         "configuration": config_to_toml(run.config),
@@ -102,15 +107,16 @@ def _declared(job: Job, file: Any, name: str) -> Any:
 
 
 def _values(job: Job, cell: SurfaceCell) -> dict[str, Array]:
+    place = job.place(cell)
     found = {
         "frame_t": np.array(cell.t),
         "n_nodes": np.array(len(cell.c)),
         "n_triangles": np.array(len(cell.faces)),
-        "center": cell.state.position,
-        "x": cell.x,
+        "center": place.center,
+        "x": place.turned(cell.x),
         "c": cell.c,
-        "v": cell.v,
-        "retrograde_flow": retrograde_flow(cell),
+        "v": place.turned(cell.v),
+        "retrograde_flow": place.turned(retrograde_flow(cell)),
         "triangles": cell.faces,
     }
     return {

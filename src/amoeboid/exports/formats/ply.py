@@ -44,4 +44,5 @@ FORMAT = Format(
     ".ply",
     files,
     frozenset({"follow"}),
+    one_per_frame=True,
 )

@@ -30,5 +30,9 @@ def files(job: Job) -> Mapping[str, Write]:
 
 
 FORMAT = Format(
-    "surfaces as triangles alone, in single precision", ".stl", files, frozenset({"follow"})
+    "surfaces as triangles alone, in single precision",
+    ".stl",
+    files,
+    frozenset({"follow"}),
+    one_per_frame=True,
 )

@@ -40,7 +40,7 @@ def _unit(job: Job, dimension: str) -> str:
 def rows(job: Job) -> Iterator[list[Any]]:
     """One spot a frame, all of one track."""
     for count, (_, cell) in enumerate(job.cells("spots")):
-        place = [float(x) for x in job.shown(cell.state.position, "L")]
+        place = [float(x) for x in job.center(cell)]
         t, radius = float(job.shown(cell.t, "T")), float(job.shown(cell.radius, "L"))
         yield [f"ID{count}", count, TRACK, 1.0, *place, t, count, radius, 1]
 

@@ -22,6 +22,8 @@ def encoded(job: Job, cell: SurfaceCell) -> bytes:
         "zeta0": np.array([job.shown(cell.zeta0, "M/T^2")]),
         "cortex_drag_position": np.asarray(job.shown(cell.state.position, "L")),
     }
+    if job.environment and not job.follow:
+        numbers["migration_position"] = job.center(cell)
     return frame_bytes(job.nodes(cell), cell.faces, job.fields(cell, FIELDS), numbers)
 
 
@@ -31,7 +33,7 @@ def files(job: Job) -> Mapping[str, Write]:
 
     def listed(path: Path) -> None:
         times = [float(job.shown(t, "T")) for t in job.times]
-        entries = list(zip(times, surfaces, strict=True))
+        entries = sorted(zip(times, surfaces, strict=True))
         path.write_text(collection(entries, where=""), encoding="utf-8")
 
     return dict(surfaces) if len(surfaces) == 1 else {**surfaces, LIST: listed}
@@ -42,4 +44,5 @@ FORMAT = Format(
     ".vtp",
     files,
     frozenset({"follow"}),
+    one_per_frame=True,
 )

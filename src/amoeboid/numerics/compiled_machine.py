@@ -1,0 +1,130 @@
+"""The compiled loops that run recorded programs and put their Jacobians together.
+
+Rows hold n numbers each, one for every point. Matrices are kept transposed, so that the innermost
+loops run along rows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from amoeboid.arrays import Array
+from amoeboid.numerics.compiled import compiled, nested
+
+(NEGATIVE, SUM, DIFFERENCE, PRODUCT, QUOTIENT, IMAGE, SINE, COSINE, ROOT, GIVEN) = range(10)
+
+
+@nested
+def _multiply(matrix, x, found):  # type: ignore[no-untyped-def]
+    """found = matrix @ x, with the transposed matrix."""
+    found[:] = 0.0
+    for j in range(x.size):
+        for i in range(found.size):
+            found[i] += matrix[j, i] * x[j]
+
+
+@compiled
+def run_steps(steps: Array, matrices: Array, rows: Array, begin: int, end: int) -> None:
+    """Run the steps from `begin` to before `end`: (code, first, second) each.
+
+    What step k makes goes to row k of those after the constants and inputs.
+    """
+    shift = len(rows) - len(steps)
+    n = rows.shape[1]
+    for k in range(begin, end):
+        code, a, b = steps[k]
+        found = rows[shift + k]
+        if code == IMAGE:
+            _multiply(matrices[a], rows[b], found)
+            continue
+        if code == GIVEN:
+            continue
+        first = rows[a]
+        for i in range(n):
+            if code == NEGATIVE:
+                found[i] = -first[i]
+            elif code == SUM:
+                found[i] = first[i] + rows[b, i]
+            elif code == DIFFERENCE:
+                found[i] = first[i] - rows[b, i]
+            elif code == PRODUCT:
+                found[i] = first[i] * rows[b, i]
+            elif code == QUOTIENT:
+                found[i] = first[i] / rows[b, i]
+            elif code == SINE:
+                found[i] = np.sin(first[i])
+            elif code == COSINE:
+                found[i] = np.cos(first[i])
+            else:
+                found[i] = np.sqrt(first[i])
+
+
+@nested
+def _add(total, diagonal, block, count, low, high):  # type: ignore[no-untyped-def]
+    """total += diag(diagonal) block, in the columns from `low` to before `high`."""
+    for i in range(count):
+        line, added, factor = total[i, low:high], block[i, low:high], diagonal[i]
+        for j in range(line.size):
+            line[j] += factor * added[j]
+
+
+@nested
+def _multiply_columns(matrix, block, found, low, high):  # type: ignore[no-untyped-def]
+    """found = matrix @ block in the same columns, with the transposed matrix; four rows at once."""
+    rows = len(block)
+    for i in range(len(found)):
+        line = found[i, low:high]
+        line[:] = 0.0
+        for k in range(0, rows - 3, 4):
+            b0, b1 = block[k, low:high], block[k + 1, low:high]
+            b2, b3 = block[k + 2, low:high], block[k + 3, low:high]
+            f0, f1, f2, f3 = matrix[k, i], matrix[k + 1, i], matrix[k + 2, i], matrix[k + 3, i]
+            for j in range(line.size):
+                line[j] += (f0 * b0[j] + f1 * b1[j]) + (f2 * b2[j] + f3 * b3[j])
+        for k in range(rows - rows % 4, rows):
+            last, factor = block[k, low:high], matrix[k, i]
+            for j in range(line.size):
+                line[j] += factor * last[j]
+
+
+@compiled
+def jacobian(
+    rows: Array,
+    maps: Array,
+    matrices: Array,
+    fields: Array,
+    terms: Array,
+    spans: Array,
+    scales: Array,
+) -> Array:
+    """The derivatives of all equations, each divided by its entry of `scales`.
+
+    `fields` (count, 4): the matrix that the field is multiplied with, or -1 for an equation; its
+    number of values; its first term and the one after its last. `terms` (count, 2): the row of a
+    diagonal, and a map: one of `maps`, or after them of the products so far. `spans` (count, 2) are
+    the columns of each of these.
+    """
+    n, size = rows.shape[1], maps.shape[2]
+    found = np.zeros((scales.size, size), rows.dtype)
+    images = np.zeros((len(spans) - len(maps), n, size), rows.dtype)
+    total = np.zeros((n, size), rows.dtype)
+    product = line = 0
+    for matrix, count, begin, end in fields:
+        total[:] = 0.0
+        for k in range(begin, end):
+            which = terms[k, 1]
+            low, high = spans[which]
+            if which < len(maps):
+                _add(total, rows[terms[k, 0]], maps[which], count, low, high)
+            else:
+                _add(total, rows[terms[k, 0]], images[which - len(maps)], count, low, high)
+        if matrix < 0:
+            for i in range(count):
+                for j in range(size):
+                    found[line, j] = total[i, j] / scales[line]
+                line += 1
+        else:
+            low, high = spans[len(maps) + product]
+            _multiply_columns(matrices[matrix], total, images[product], low, high)
+            product += 1
+    return found
