@@ -44,7 +44,8 @@ def script(tmp_path, monkeypatch):
     scripts._run.cache_clear()
 
 
-def test_observables_of_a_script_are_columns_of_a_run_and_of_tables(script, capsys):
+def test_observables_of_a_script_are_columns_of_a_run_and_of_tables(script, monkeypatch, capsys):
+    monkeypatch.setattr("amoeboid.cli.run._draw", lambda run, last: None)  # takes processes
     assert main(["run", *SHORT, "--json", "-o", "a", "--observe", "mine.py:longest_edge"]) == 0
     run = am.load("a")
     assert run.units["rms_c"] == "N/L^2"  # all that the script registers

@@ -101,6 +101,14 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     assert np.array_equal(imread(tmp_path / "cell.png"), imread(tmp_path / "here.png"))
 
 
+def test_a_point_at_shares_of_a_picture_is_seen_there():
+    axes = cell_process.seen_along(np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0]))
+    view = cell_process.View(axes, np.array([1.0, -2.0, 0.5]), 1.7, (0.0, 1.0), 1.0)
+    canvas = Canvas(*view.window, view.axes, view.middle, cell_process.HEIGHT * view.size)
+    place = canvas.place(cell_process._at(view, 0.03, 0.815))
+    np.testing.assert_allclose(place, canvas.share(0.03, 0.815), atol=1e-9 * view.window[0])
+
+
 def test_scale_bars_have_round_lengths():
     found = [round_length(x) for x in (0.6, 6.0, 1.99e-6, 1.0, 2.0, 4.9, 5.0, 99.0)]
     np.testing.assert_allclose(found, [0.5, 5.0, 1e-6, 1.0, 2.0, 2.0, 5.0, 50.0])

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.force_balance import Stress, forces, stress
+from amoeboid.axisymmetric.force_balance import Motion, Stress, forces, stress
 from amoeboid.axisymmetric.unknowns import fields_of
 from amoeboid.closed_forms.active_stress import Meridian, principal_active_stresses
 from amoeboid.model.parameters import Parameters
@@ -36,6 +36,7 @@ def test_the_single_velocity_formulation_is_the_same_force_balance(p):
     two = stress(shape, u, -p.v_p(c), c, f.zeta0, p)
     np.testing.assert_allclose(one.meridian, two.meridian, rtol=1e-11)
     np.testing.assert_allclose(one.parallel, two.parallel, rtol=1e-11)
-    for force in forces(shape, one, f.axial, p):
+    motion = Motion(u, 0 * u, -p.v_p(c), c)
+    for force in forces(shape, one, motion, f.axial, p):
         assert np.abs(force).max() < 1e-7 * max(1.0, p.delta_P)
     assert np.abs(active[0]).max() > 0.1

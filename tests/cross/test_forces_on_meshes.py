@@ -37,7 +37,14 @@ def on_mesh(subdivisions, **forces):
     return am.simulate(P.replace(**forces), mesh=am.Icosphere(subdivisions), until=am.steady())
 
 
-@pytest.mark.parametrize("forces", [{"gamma_t": 1.0, "gamma_n": 1.0}, GRIP, GRIP | {"kappa": 1.0}])
+@pytest.mark.parametrize(
+    "forces",
+    [
+        pytest.param({"gamma_t": 1.0, "gamma_n": 1.0}, marks=pytest.mark.slow),
+        pytest.param(GRIP, marks=pytest.mark.slow),
+        GRIP | {"kappa": 1.0},
+    ],
+)
 def test_cell_with_friction_on_a_mesh_is_the_axisymmetric_one(forces):
     """42 and 162 nodes; the errors are those without friction, 6 and 1.5 % at most."""
     exact = numbers(axisymmetric(**forces))
@@ -64,6 +71,25 @@ def test_weak_friction_leaves_the_run_as_it_is():
         assert getattr(weak, name) == pytest.approx(getattr(free, name), rel=2e-4)
     moved = np.linalg.norm(friction.velocity(weak.cell))
     assert moved == pytest.approx(free.cortex_drag_speed, rel=2e-4)
+
+
+@pytest.mark.parametrize(
+    "gamma_n", [1.0, *(pytest.param(one, marks=pytest.mark.slow) for one in (1e-9, 1e6))]
+)
+def test_a_cell_that_slips_without_friction_does_not_turn(gamma_n):
+    """Friction along the normal alone holds a round cell, with the flow of one that hardly grips.
+
+    A run without any grip did not get along: its first steps turned the cell.
+    """
+    p = P.replace(gamma_n=gamma_n)
+    run, grips = (
+        am.simulate(one, mesh=am.Icosphere(1), until=am.time(0.5))
+        for one in (p, p.replace(gamma_t=1e-3 * min(gamma_n, 1.0)))
+    )
+    assert len(run) < 30
+    speed = grips.final.max_retrograde_speed
+    assert run.final.max_retrograde_speed == pytest.approx(speed, rel=5e-3)  # 12 to 16 steps
+    assert np.linalg.norm(friction.velocity(run.final.cell)) < 1e-4
 
 
 def test_velocity_is_that_of_a_migration_in_the_same_surroundings():
@@ -113,7 +139,18 @@ def test_growth_of_a_polarization_converges_to_the_theory(forces):
 
 
 def test_steady_solver_finds_the_state_of_the_run_with_friction():
-    run = on_mesh(2, **GRIP).final
+    run = on_mesh(1, **GRIP).final
     cell = am.steady_state(P.replace(**GRIP), start=run)
     assert numbers(cell) == pytest.approx(numbers(run), rel=1e-4)
     assert float(cell.growth_rate) < 0
+    np.testing.assert_array_equal(cell.velocity, friction.velocity(cell.cell))
+    assert np.linalg.norm(cell.velocity) < 0.8 * cell.cortex_drag_speed
+
+
+def test_friction_that_leaves_the_rotation_of_a_round_cell_free_is_refused():
+    """It would be spun by the errors of the mesh: a run with it ended at its first step."""
+    p = P.replace(gamma_n=0.5)
+    with pytest.raises(am.InvalidInput, match="gamma_t or gamma_c must be > 0 beside gamma_n"):
+        am.simulate(p, mesh=am.Icosphere(1), until=am.time(1.0))
+    with pytest.raises(am.InvalidInput, match="gamma_t or gamma_c must be > 0 beside gamma_n"):
+        am.steady_state(p, mesh=am.Icosphere(1))

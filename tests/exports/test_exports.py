@@ -235,6 +235,7 @@ def images(path):
             yield np.asarray(movie.convert("RGB"), dtype=int)
 
 
+@pytest.mark.slow
 def test_movies_keep_one_view_and_the_cell_crosses_it(plain, tmp_path, monkeypatch):
     """The cell is what is drawn in the middle band of the picture, below the words above."""
     words, text = [], Canvas.text
@@ -264,6 +265,19 @@ def test_the_colors_of_a_movie_span_all_its_frames(plain):
     assert view.limits == (c.min(), c.max())
     speeds = [frame.max_retrograde_speed for frame in plain.frames]
     assert view.fastest == pytest.approx(max(speeds), rel=1e-12)
+
+
+def test_a_movie_has_the_frames_at_their_rate(plain, tmp_path, monkeypatch):
+    written, text = [], Canvas.text
+    monkeypatch.setattr(
+        Canvas, "text", lambda self, *a, **k: (written.append(a[1]), text(self, *a, **k))[1]
+    )
+    (path,) = plain.export(tmp_path / "a.gif", frames="::2", fps=10)
+    with Image.open(path) as found:
+        assert (found.n_frames, found.size) == (2, movie.WINDOW)
+        assert (found.info["duration"], found.info["loop"]) == (100, 0)
+    assert [words for words in written if words.startswith("t = ")] == ["t = 0 [T]", "t = 0.8 [T]"]
+    assert f"path: {ASSUMED}" in written
 
 
 @pytest.mark.slow

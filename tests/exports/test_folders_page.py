@@ -13,6 +13,7 @@ PAGE = (Path(__file__).parents[2] / "docs/folders.md").read_text(encoding="utf-8
 BLOCKS = re.findall(r"```(sh|python)\n(.*?)```", PAGE, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_run_in_their_order(tmp_path, monkeypatch, capsys):
     pytest.importorskip("xarray")
     pytest.importorskip("h5netcdf")
@@ -28,6 +29,22 @@ def test_the_lines_of_the_page_run_in_their_order(tmp_path, monkeypatch, capsys)
         for line in block.splitlines():
             assert main(shlex.split(line)[1:]) == 0, line
     assert (tmp_path / "movie.mp4").is_file()
+    assert "D = 0.4, v_p0 = 6" in capsys.readouterr().out
+
+
+def test_the_commands_of_the_page_that_draw_nothing_run(tmp_path, monkeypatch, capsys):
+    """All lines run in the slow test; these take no time."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "amoeboid.exports.summary.save_picture", lambda path, cell: path.write_bytes(b"png")
+    )
+    p = am.Parameters(D=0.4, v_p0=6.0)
+    am.simulate(p, mesh=am.Icosphere(1), until=am.time(0.1), folder="runs/x")
+    lines = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+    quick = [line for line in lines if "movie" not in line and "netcdf" not in line]
+    assert len(quick) == len(lines) - 2 == 3
+    for line in quick:
+        assert main(shlex.split(line)[1:]) == 0, line
     assert "D = 0.4, v_p0 = 6" in capsys.readouterr().out
 
 

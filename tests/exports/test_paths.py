@@ -8,6 +8,7 @@ import pytest
 import pyvista as pv
 
 import amoeboid as am
+from amoeboid.cli.main import main
 from amoeboid.exports import movie
 from amoeboid.exports.job import Job
 from amoeboid.plotting.canvas import Canvas
@@ -41,9 +42,9 @@ def rows_of_a_helix(count, end=1.0):
 
 def test_a_path_between_its_rows_is_of_second_order_and_at_them_that_of_the_rows():
     errors = []
-    fine = rows_of_a_helix(1025)
+    fine = rows_of_a_helix(513)
     reference = RecordedPath(fine)
-    times = [fine[k]["t"] for k in (129, 385, 751, 1001)]
+    times = [fine[k]["t"] for k in (65, 193, 375, 501)]
     for count in (9, 17, 33):
         path = RecordedPath(rows_of_a_helix(count))
         found = [path.at(t)[0] for t in times]
@@ -55,7 +56,7 @@ def test_a_path_between_its_rows_is_of_second_order_and_at_them_that_of_the_rows
     assert errors[2] < 1e-3
     assert 3.3 < errors[0] / errors[1] < 4.7
     assert 3.3 < errors[1] / errors[2] < 4.7
-    for row in fine[::250]:
+    for row in fine[::128]:
         place = reference.at(row["t"])[0]
         assert place.tolist() == [row[f"migration_{axis}"] for axis in "xyz"]
 
@@ -131,10 +132,10 @@ def test_vectors_turn_with_the_nodes(turned, run, tmp_path):
 
 
 def test_the_side_from_which_a_movie_is_seen_turns_with_the_cell(turned, run):
-    views = [
-        movie.extent_of(Job(one, "run", range(1)), "gif").polarization for one in (run, turned)
-    ]
-    np.testing.assert_allclose(views[1], QUARTER @ views[0], atol=1e-12)
+    jobs = [Job(one, "run", range(len(run.frames))) for one in (run, turned)]
+    straight, rotated = (movie.extent_of(job, "gif") for job in jobs)
+    np.testing.assert_allclose(rotated.polarization, QUARTER @ straight.polarization, atol=1e-12)
+    np.testing.assert_array_equal(straight.centers[-1], run.trajectory[-1])
 
 
 def test_triangles_of_napari_look_outward_in_the_order_of_its_axes(run, tmp_path):
@@ -163,6 +164,17 @@ def test_movies_name_the_environment_and_write_units_behind_numbers(run, tmp_pat
     page = cell.export(tmp_path / "b.html", frames=-1)[0].read_text()
     assert "from one frame of a run." in page
     assert "R0 = 10 um. The table is of the end of the run, t = 0.1 s." in page
+
+
+def test_the_picture_of_a_trajectory_names_the_environment(tmp_path, monkeypatch):
+    given = []
+    drawing = "amoeboid.plotting"
+    monkeypatch.setattr(f"{drawing}.trajectory.save_trajectory_picture", lambda *a: given.append(a))
+    monkeypatch.setattr(f"{drawing}.cell.save_cell_picture", lambda *a: None)
+    fields = ("mesh.subdivisions=1", "time.end=0.02", "environment.medium=patch:20")
+    options = [word for field in fields for word in ("--set", field)]
+    assert main(["run", "-o", str(tmp_path / "x"), "--json", *options]) == 0
+    assert given[0][-1] == "patch, half_angle 20"
 
 
 @pytest.mark.parametrize(

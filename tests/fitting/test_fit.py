@@ -289,6 +289,14 @@ def test_a_parameter_of_a_law_is_found():
     )
 
 
+def test_progress_tells_values_in_the_units_of_the_user():
+    told = []
+    cell = am.Parameters.physical(v_p0="2 um/s")
+    data = am.synthetic(cell, {"u": "0.01 um/s"}, theta=[45, 90, 135])
+    am.fit(data, ["D"], cell, starts=1, watch=lambda progress: told.append(progress))
+    assert told[0].value == pytest.approx(cell.quantity(cell.D, "L^2/T").to("um^2/s").magnitude)
+
+
 def test_units_need_parameters_with_units():
     with pytest.raises(am.InvalidInput, match="start must have units where the data have"):
         am.fit({"theta [deg]": [30, 90], "u [um/s]": [0.1, 0.2]}, ["D"], P)

@@ -84,6 +84,15 @@ def test_mistakes_are_told_in_one_line(capsys, args, message):
     assert error.count("\n") == 1
 
 
+def test_velocity_by_the_friction_of_the_force_balance_is_told(capsys):
+    """In that friction as an environment the cell moves just as fast."""
+    args = ("--set", "D=0.4", "--set", "v_p0=6", "--set", "gamma_t=1", "--set", "gamma_n=1")
+    found = json.loads(told(capsys, *args, "--in", "matrix", "--json"))
+    speed = found["environments"]["matrix"]["velocity"]
+    assert found["friction_velocity"] == pytest.approx(speed, rel=1e-9)
+    assert "the cell moves at 0.944569." in told(capsys, *args, "--in", "matrix")
+
+
 def test_units_of_a_surface_are_two(capsys, tmp_path):
     path = tmp_path / "cell.vtp"
     path.write_bytes(b"")

@@ -49,7 +49,9 @@ def test_a_uniform_velocity_is_no_flow(sphere):
     a = am.migrate(MeasuredCell(r, faces, flow, front=(0, 0, 1)))
     moving = flow + np.array([3.0, 0.0, 1.0])
     b = am.migrate(MeasuredCell(r, faces, moving, front=(0, 0, 1)))
-    assert b.speed == pytest.approx(a.speed, rel=0.03)  # to the error of the mesh
+    assert b.speed == pytest.approx(a.speed, rel=1e-12)
+    drifting = am.migrate(MeasuredCell(r, faces, flow + 1e3, front=(0, 0, 1)))
+    assert drifting.speed == pytest.approx(a.speed, rel=1e-9)
 
 
 def test_deformation_swims_too():
@@ -83,6 +85,8 @@ def test_measured_cells_pickle_and_are_short(sphere):
 
 def test_mistakes_are_rejected(sphere):
     r, faces, flow = sphere
+    flat = r.copy()
+    flat[faces[0, 0]] = flat[faces[0, 1]]
     bad = [
         (dict(r=r[:, :2]), "r must be finite numbers"),
         (dict(flow=flow[:-1]), "a vector for each of the 162 nodes"),
@@ -92,11 +96,23 @@ def test_mistakes_are_rejected(sphere):
         (dict(c=np.zeros(162)), "not 0 everywhere"),
         (dict(front=(0, 0, 0)), "front must be three finite numbers"),
         (dict(length="um"), "given both"),
-        (dict(flow=np.full_like(flow, np.nan)), "flow must be finite"),
+        (dict(flow=np.full_like(flow, np.nan)), "it is not at 162 of 162 nodes, the first is 0"),
+        (dict(flow=np.zeros((320, 3))), "take vectors of triangles to the nodes"),
+        (dict(faces=np.zeros((0, 3), dtype=int)), "must have triangles"),
+        (dict(c=["a"] * 162), "c must be an array of numbers"),
+        (dict(front="z"), "front must be an array of numbers"),
+        (dict(length="um", time="m"), "time must have the dimension T"),
+        (dict(length="foo", time="s"), "length must be a number with a unit"),
+        (dict(r=flat), "2 of them have none"),
     ]
     for changes, message in bad:
         with pytest.raises(am.InvalidInput, match=message):
             MeasuredCell(**(dict(r=r, faces=faces, flow=flow) | changes))
+    pair = (np.vstack([r, r + 5.0]), np.vstack([faces, faces + 162]), np.vstack([flow, flow]))
+    with pytest.raises(am.InvalidInput, match="must be one cell, this one has 2 pieces"):
+        MeasuredCell(*pair)
+    with pytest.raises(am.InvalidInput, match="per_filament must be true or false, got 'false'"):
+        am.Matrix(per_filament="false")
     cell = MeasuredCell(r, faces, flow)
     for environment, message in (
         (am.CortexDrag(), "needs the flow of the cortex"),
@@ -110,3 +126,11 @@ def test_mistakes_are_rejected(sphere):
         am.migrate(3.0)
     with pytest.raises(am.InvalidInput, match="c and front must come with a flow"):
         am.migrate(cell, front=(0, 0, 1))
+
+
+def test_rounding_is_no_power(sphere):
+    """Where surroundings feel nothing of the flow, power and efficiency are 0."""
+    cell = MeasuredCell(*sphere)
+    for nothing in ("matrix:0:normal=1", "matrix:1:normal=0:coupled=0"):
+        found = am.migrate(cell, nothing)
+        assert found.power == found.efficiency == 0.0

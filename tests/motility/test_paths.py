@@ -78,11 +78,11 @@ def test_rotation_vectors_are_those_of_their_matrices():
 @pytest.fixture(scope="module")
 def straight():
     """Figure 3D on 42 nodes in a matrix with drag along the surface only."""
-    return am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(4.0), environment="matrix:normal=0")
+    return am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(2.0), environment="matrix:normal=0")
 
 
 def test_path_is_recorded_and_changes_no_bit_of_the_run(straight):
-    plain = am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(4.0))
+    plain = am.simulate(FIGURE_3D, mesh=SMALL, until=am.time(2.0))
     assert not set(PATH_UNITS) & set(plain.units)
     assert set(PATH_UNITS) < set(straight.units)
     for name in plain.units:
@@ -116,8 +116,8 @@ def twenty(step):
 def test_resumed_run_goes_on_with_the_same_bits(straight, tmp_path):
     half = am.simulate(FIGURE_3D, mesh=SMALL, until=twenty, environment="matrix:normal=0")
     assert len(half) == 21
-    again = half.resume(until=am.time(4.0))
-    stored = half.save(tmp_path / "run").resume(until=am.time(4.0))
+    again = half.resume(until=am.time(2.0))
+    stored = half.save(tmp_path / "run").resume(until=am.time(2.0))
     assert stored.config.environment == straight.config.environment
     for run in (again, stored):
         for name in PATH_UNITS:

@@ -70,6 +70,7 @@ def test_a_circle_decays_twice_as_fast_as_bending_of_the_straight_cell_grows():
     assert circle.number("growth_rate") == pytest.approx(-2.0 * bending, rel=0.25)
 
 
+@pytest.mark.slow
 def test_circles_leave_straight_cells_in_the_pressure_too():
     """At v_p0 = 8 where the onset in v_p0 has come to it; the same circles lie below."""
     found = am.branch(FAST, "delta_P", 20.5, 22, mesh=am.Icosphere(2))

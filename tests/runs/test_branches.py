@@ -4,14 +4,17 @@ import json
 import pickle
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import amoeboid as am
 from amoeboid.cli.main import main
+from amoeboid.runs import branches as traced_branches
 from amoeboid.studies.branch import BIFURCATION, HOPF
 from amoeboid.surface import branches
+from amoeboid.surface.branches import Options
 from amoeboid.surface.stability import Growth
 from surface.shapes import observed_orders
 
@@ -188,7 +191,7 @@ def test_what_no_branch_can_be_made_from_is_refused():
         am.branch(STIFF, "v_p0", 1, 2, mesh=am.Icosphere(1))
     with pytest.raises(am.InvalidInput, match="max_step must be"):
         am.branch(STIFF, "v_p0", 1, 7, mesh=am.Icosphere(1), max_step=-1.0)
-    with pytest.raises(am.InvalidInput, match="start must be"):
+    with pytest.raises(am.InvalidInput, match=r"^through must be a steady"):
         am.branch(STIFF, "v_p0", 1, 7, through="a cell")
 
 
@@ -204,3 +207,35 @@ def test_the_command_follows_3D_cells(capsys):
     assert "stability" in capsys.readouterr().out
     assert main([*words[:-1], "7"]) == 2
     assert "--mesh must be 1 to 6" in capsys.readouterr().err
+
+
+def test_a_step_that_passed_a_fold_is_taken_back():
+    """On 42 nodes the tenth part of the scale leads from 5.61 over the fold to the other side."""
+    found = am.branch(STIFF, "v_p0", 4, 7, mesh=am.Icosphere(1), stability=False)
+    assert found.complete
+    assert found.problems == ()
+    assert found.folds[0].number == pytest.approx(5.2215, abs=1e-3)
+    # it is the extremum of the points, each of which lies farther than the one before
+    assert found.v_p0.min() >= found.folds[0].number
+    assert np.all(np.diff(found.lengths[0]) > 0.0)
+    # without a mesh it is the only one; next to the sphere the mesh makes another
+    assert [fold.state.number("polarity") < 0.1 for fold in found.folds] == [False, True]
+
+
+def test_a_branch_begins_with_a_cell_that_turns_the_same_way(monkeypatch):
+    """A far neighbour that the iteration found on the other half of the circles is left out."""
+    omega = np.array([0.0, 0.0, 0.5])
+    model = am.steady_state(STIFF.replace(v_p0=6.0), mesh=am.Icosphere(1)).model
+
+    def turning(way, q):
+        return SimpleNamespace(model=model, cell=SimpleNamespace(angular_velocity=way * omega), q=q)
+
+    monkeypatch.setattr(
+        traced_branches, "found_from", lambda _, cell, q: turning(-1.0 if q > 6.1 else 1.0, q)
+    )
+    traced = traced_branches._Traced(STIFF, "v_p0", (6.0, 8.0), Options(6.0), None)
+    second = traced._second(lambda q: q, turning(1.0, 6.0), 6.0, 2.0)
+    assert 6.0 < second.q <= 6.1
+    # where none turns the same way the branch is at its end
+    monkeypatch.setattr(traced_branches, "found_from", lambda _, cell, q: turning(-1.0, q))
+    assert traced._second(lambda q: q, turning(1.0, 6.0), 6.0, 2.0).q > 6.0

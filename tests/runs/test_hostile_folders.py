@@ -40,6 +40,12 @@ def folder(made, tmp_path):
     return tmp_path / "run"
 
 
+@pytest.fixture
+def quick(monkeypatch):
+    """Runs draw nothing: each picture takes a process of its own."""
+    monkeypatch.setattr("amoeboid.cli.run._draw", lambda run, last: None)
+
+
 def rewritten(folder, **changes):
     path = folder / "manifest.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | changes))
@@ -76,6 +82,7 @@ def test_a_format_that_is_no_version_is_refused(given, folder):
         am.load(folder).config  # noqa: B018
 
 
+@pytest.mark.usefixtures("quick")
 @pytest.mark.parametrize(
     "name",
     ["manifest.json", "config.toml", "timeseries.csv", "frames.pvd", "checkpoint.npz", "frames"],
@@ -251,6 +258,7 @@ def test_frames_that_are_no_cells_are_refused(change, says, made, tmp_path):
         read_frame(path, P)
 
 
+@pytest.mark.usefixtures("quick")
 def test_two_processes_do_not_write_to_one_folder(folder, capsys):
     """The second is refused in one line and changes nothing; a killed one is no hindrance."""
     script = (

@@ -105,6 +105,21 @@ def test_results_of_other_code_are_computed_anew(tmp_path):
     assert found["value"].values.tolist() == ["two", "two"]
 
 
+def test_results_of_another_version_are_computed_anew_also_with_a_key(tmp_path, monkeypatch):
+    counted = []
+
+    def count(p):
+        counted.append(p.v_p0)
+        return p.v_p0
+
+    for _ in range(2):
+        am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
+    assert len(counted) == 2
+    monkeypatch.setattr("amoeboid.sweeps.sweep.version", lambda _: "0.0.0")
+    am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
+    assert len(counted) == 4
+
+
 def test_a_changed_file_of_a_solver_is_other_code(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     file = tmp_path / "my_solver_of_a_test.py"

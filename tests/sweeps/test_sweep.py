@@ -165,8 +165,15 @@ def test_a_point_that_means_something_else_fails_alone(tmp_path, answer, folder,
         assert am.load_sweep(place).rows == found.rows
 
 
-def test_no_value_goes_together_with_any():
-    found = am.sweep(am.grid(D=[1, 2, 3]), lambda p: {"a": None if p.D != 2 else [1.0, 2.0]})
+@pytest.mark.parametrize("points_per_task", [1, 3])
+def test_no_value_goes_together_with_any(points_per_task):
+    def answer(p):
+        return {"a": None if p.D != 2 else [1.0, 2.0]}
+
+    with ThreadPoolExecutor(1) as executor:
+        found = am.sweep(
+            am.grid(D=[1, 2, 3]), answer, executor=executor, points_per_task=points_per_task
+        )
     assert found.complete
     assert np.isnan(found["a"].values).sum() == 4
 

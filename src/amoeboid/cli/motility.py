@@ -28,6 +28,11 @@ KEYS = {
     "efficiency": "efficiency",
     "error": "error",
 }
+# How fast a cell with gamma_t, gamma_n or gamma_c moves by them.
+OWN = (
+    "In the friction of its own force balance the cell moves at {}.",
+    "Environments are without that friction, and do not act back on the flow.",
+)
 SHOWN = ("velocity", "velocity_over_max_retrograde_speed", "power", "efficiency", "error")
 TITLES = {"velocity_over_max_retrograde_speed": "of max_retrograde_speed"}
 
@@ -85,13 +90,30 @@ def execute(args: argparse.Namespace) -> int:
     state, parameters = _state(args)
     with shown():
         found = dict(zip(names, migrations(state, names), strict=True))
+    own = _own_velocity(state, parameters)
     if args.json:
-        print_json(_document(found))
+        print_json(_document(found) | own)
         return 0
     if parameters is not None:
         say_parameters(parameters)
     _print_table(found)
+    if own:
+        unit = next(iter(found.values())).unit("speed")
+        speed = f"{text(own['friction_velocity'])} {unit}".rstrip()
+        say("", *(line.format(speed) for line in OWN))
     return 0
+
+
+def _own_velocity(state: Any, parameters: Any) -> dict[str, float]:
+    """The velocity towards the front by the friction of the force balance itself, if it has some.
+
+    As programs read it: a number in the unit of the other velocities.
+    """
+    if parameters is None or not parameters.has_friction:
+        return {}
+    from amoeboid.studies.migration import friction_speed
+
+    return {"friction_velocity": friction_speed(state)}
 
 
 def _state(args: argparse.Namespace) -> tuple[Any, Any]:

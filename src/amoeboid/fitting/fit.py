@@ -18,7 +18,7 @@ from amoeboid.fitting.result import Fit
 from amoeboid.fitting.synthetic import polarized_state
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.numerics.least_squares import Minimum
-from amoeboid.studies.columns import text, value_of
+from amoeboid.studies.columns import physical_number, text, value_of
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -162,7 +162,8 @@ def _solution(
     def shown(iteration: int, point: Point) -> None:
         p = point.state.solution.parameters
         task = f"fit, chi2 = {point.chi2:.4g}"
-        watch(Progress(task, names[0], p.value(names[0]), point.state.solution.n, iteration))
+        value = physical_number(p, p.value(names[0]), p.dimension(names[0]))
+        watch(Progress(task, names[0], value, point.state.solution.n, iteration))
 
     problem, best = solved(problem, begin, shown)
     others: list[float] = []

@@ -182,7 +182,7 @@ class Fit:
         signs = (-1.0, 1.0)
 
         def tried(trial: int) -> None:
-            value = self._value(k, float(self.point.y[k]))
+            value = self.plain(self.unknowns[k])[0]
             watch(Progress("interval", self.unknowns[k], value, self.point.state.solution.n, trial))
 
         if deviation > UNDETERMINED:

@@ -18,6 +18,12 @@ from amoeboid.arrays import Array
 from amoeboid.observables import Cell, center_velocity
 from amoeboid.validation import InvalidInput
 
+# On meshes friction along the surface is at least this share of that along the normal, or of that
+# with which viscosity competes, (eta_s + eta_b)/R0^2, if it is less. A round cell that slips
+# without friction can turn as it likes, and normals of a mesh are not exact: forces along them
+# would decide how.
+MIN_GRIP = 1e-5
+
 
 def density(c: Any, p: Any) -> Any:
     """m(c), the friction relative to that at c0 [1]."""
@@ -47,12 +53,15 @@ def unit(p: Any) -> Any:
 def resistances(p: Any, c: Array, normals: Array, areas: Array) -> tuple[Array, Array]:
     """Matrices (V, 3, 3) at the points: what v, and what v_c is multiplied by [M/T].
 
-    For points with unit `normals` (V, 3) that stand for `areas` (V,).
+    For points with unit `normals` (V, 3) that stand for `areas` (V,). A cell that slips keeps a
+    friction of its cortex, by MIN_GRIP.
     """
+    grip = MIN_GRIP * min(p.gamma_n, (p.eta_s + p.eta_b) / p.R0**2)
+    of_cortex = max(p.gamma_c, grip - p.gamma_t)
     m = areas * density(c, p)
     across = normals[:, :, None] * normals[:, None, :]
     of_v = m[:, None, None] * (p.gamma_t * np.eye(3) + (p.gamma_n - p.gamma_t) * across)
-    return of_v, m[:, None, None] * (p.gamma_c * np.eye(3))
+    return of_v, m[:, None, None] * (of_cortex * np.eye(3))
 
 
 def velocity(cell: Cell) -> Array:

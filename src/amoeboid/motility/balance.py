@@ -27,7 +27,7 @@ from amoeboid.validation import InvalidInput
 # Rigid motions that meet less drag than this share of the largest, in units of the size of the
 # cell, are not resisted: nothing decides them.
 MIN_DRAG = 1e-10
-# Less power than this share of that of the flow on a cell that is held is rounding.
+# Less power than this share of what towing the cell at the speed of its flow takes is rounding.
 MIN_POWER = 1e-12
 
 
@@ -91,12 +91,20 @@ def motion(surface: Surroundable, environment: Environment) -> Motion:
 
     speeds = answer(coupling)
     taken = float(own + 2.0 * coupling @ speeds + speeds @ resistance @ speeds)
-    taken = taken if taken > MIN_POWER * abs(float(own)) else 0.0
     towing = float(speeds @ resistance @ speeds)
+    least = MIN_POWER * drags[-1] * _mean_square(surface)
+    taken, towing = (power if power > least else 0.0 for power in (taken, towing))
     differences = np.sum([part.uncertainty(surface) for part in environment.parts], axis=0)
     error = float(np.linalg.norm(answer(differences)[:3]))
     error += surface.mesh_error * float(np.linalg.norm(speeds[:3]))
     return Motion(speeds[:3], speeds[3:], resistance, taken, towing, surface.front, error)
+
+
+def _mean_square(surface: Surroundable) -> float:
+    """Mean over the surface of the squares of all velocities that the cell gives itself."""
+    points = surface.everywhere
+    squares = np.einsum("kqi,kqi->q", points.ways[RIGID:], points.ways[RIGID:])
+    return float(points.weights @ squares / points.weights.sum())
 
 
 def joint(parts: tuple[Environment, ...], surface: Surroundable) -> tuple[Array, Array]:

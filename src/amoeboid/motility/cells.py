@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.files import surface_file
 from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centroid
+from amoeboid.model.units import measured
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
 from amoeboid.motility.triangulated import TriangulatedSurface
@@ -49,6 +52,9 @@ def surface_of_mesh(cell: CellOnMesh, turning: Array) -> TriangulatedSurface:
 UPWARD = np.array([0.0, 0.0, 1.0])
 """The front of a cell that has none."""
 
+MIN_FACE = 1e-9
+"""Triangles of less area than this share of the mean have no normal."""
+
 
 USUAL_NAMES = ("flow", "retrograde_flow")
 """Names that the flow has in a file."""
@@ -65,7 +71,8 @@ class MeasuredCell:
     and `time`: units of the numbers, such as "um" and "s"; without them results are plain numbers.
 
     What moves the surface as a whole is taken out of the flow: the velocity of the center of
-    volume. The rotation is not known and counts as flow. Raises InvalidInput.
+    volume, in such a way that a uniform velocity is taken out exactly on any mesh. The rotation is
+    not known and counts as flow. Raises InvalidInput.
     """
 
     r: Array
@@ -81,21 +88,27 @@ class MeasuredCell:
         faces = np.asarray(self.faces)
         if faces.ndim != 2 or faces.shape[1] != 3 or not np.issubdtype(faces.dtype, np.integer):
             raise InvalidInput(f"faces must be whole numbers (F, 3), got shape {faces.shape}")
+        if not faces.size:
+            raise InvalidInput("a measured surface must have triangles, got none")
         if not 0 <= faces.min() <= faces.max() < len(r):
             raise InvalidInput(f"faces must be numbers of nodes, 0 to {len(r) - 1}")
         if flow.shape != r.shape:
             raise InvalidInput(
-                f"flow must have a vector for each of the {len(r)} nodes, got {len(flow)}"
+                f"flow must have a vector for each of the {len(r)} nodes, got {len(flow)}; "
+                "take vectors of triangles to the nodes, as their mean over those around a node"
             )
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         _check_closed(r, faces)
         if (self.length is None) != (self.time is None):
             raise InvalidInput("length and time must be given both, or neither")
+        if self.length is not None and self.time is not None:
+            measured("length", f"1 {self.length}", "L", "um")
+            measured("time", f"1 {self.time}", "T", "min")
         object.__setattr__(self, "r", r)
         object.__setattr__(self, "flow", flow)
         object.__setattr__(self, "faces", faces)
         if self.c is not None:
-            c = np.asarray(self.c, dtype=float)
+            c = _numbers("c", self.c)
             if c.shape != (len(r),) or not np.isfinite(c).all() or c.min() < 0.0 or not c.any():
                 raise InvalidInput(
                     f"c must be a finite number >= 0 for each of the {len(r)} nodes, not 0 "
@@ -103,7 +116,7 @@ class MeasuredCell:
                 )
             object.__setattr__(self, "c", c)
         if self.front is not None:
-            found = np.asarray(self.front, dtype=float).ravel()
+            found = _numbers("front", self.front).ravel()
             if found.size != 3 or not np.isfinite(found).all() or not np.any(found):
                 raise InvalidInput(
                     f"front must be three finite numbers, not all zero, got {self.front!r}"
@@ -144,8 +157,9 @@ class MeasuredCell:
         x = self.r - volume_centroid(self.r, self.faces)
         g = geometry(self.r, self.faces)
         v_n = np.einsum("vi,vi->v", self.flow, g.normals)
-        inside = volume(self.r, self.faces)
-        moved = (g.node_areas * v_n) @ x / inside
+        # the volume times unity, up to the error of the mesh
+        moments = (g.node_areas[:, None] * x).T @ g.normals
+        moved = np.linalg.solve(moments, (g.node_areas * v_n) @ x)
         velocity = self.flow - moved
         front = self.front
         if front is None and self.c is not None:
@@ -159,13 +173,23 @@ class MeasuredCell:
         return TriangulatedSurface(x, self.faces, velocity, np.asarray(front), None, self.c)
 
 
-def _vectors(name: str, given: Any) -> Array:
+def _numbers(name: str, given: Any) -> Array:
     try:
-        found = np.array(given, dtype=float)
+        return np.array(given, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InvalidInput(f"{name} must be an array of numbers (V, 3): {error}") from None
-    if found.ndim != 2 or found.shape[1] != 3 or not np.isfinite(found).all():
+        raise InvalidInput(f"{name} must be an array of numbers: {error}") from None
+
+
+def _vectors(name: str, given: Any) -> Array:
+    found = _numbers(name, given)
+    if found.ndim != 2 or found.shape[1] != 3:
         raise InvalidInput(f"{name} must be finite numbers (V, 3), got shape {found.shape}")
+    unknown = np.flatnonzero(~np.isfinite(found).all(axis=1))
+    if unknown.size:
+        raise InvalidInput(
+            f"{name} must be finite, it is not at {len(unknown)} of {len(found)} nodes, the first "
+            f"is {unknown[0]}; fill it in from the nodes around"
+        )
     return found
 
 
@@ -182,3 +206,19 @@ def _check_closed(r: Array, faces: Index) -> None:
         raise InvalidInput("every node of a measured surface must belong to a triangle; drop it")
     if not volume(r, faces) > 0.0:
         raise InvalidInput("the triangles of a measured surface must look outward; turn them")
+    links = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])))
+    pieces = connected_components(links, directed=False)[0]
+    if pieces > 1:
+        raise InvalidInput(
+            f"a measured surface must be one cell, this one has {pieces} pieces; keep one of them"
+        )
+    areas = np.linalg.norm(
+        np.cross(r[faces[:, 1]] - r[faces[:, 0]], r[faces[:, 2]] - r[faces[:, 0]]), axis=1
+    )
+    small = np.flatnonzero(areas < MIN_FACE * areas.mean())
+    if small.size:
+        raise InvalidInput(
+            f"the triangles of a measured surface must have an area, {small.size} of them have "
+            f"none, the first is {small[0]}; save it as a file and open that with "
+            "amoeboid.Surface(..., repair=True)"
+        )

@@ -186,6 +186,13 @@ class Matrix(Environment):
     per_filament: bool = False
     name: ClassVar[str] = "matrix"
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not isinstance(self.per_filament, bool):
+            raise InvalidInput(
+                f"matrix.per_filament must be true or false, got {self.per_filament!r}"
+            )
+
     def _with(self, units: Units | None, convert: Callable[..., float]) -> Matrix:
         """This matrix with `convert`ed drags."""
         about = _dimensional(FRICTION, SOFT)

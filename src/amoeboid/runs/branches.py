@@ -28,7 +28,14 @@ from amoeboid.studies.branch import (
 )
 from amoeboid.studies.columns import text, with_units
 from amoeboid.studies.states import steady_states
-from amoeboid.surface.branches import FIRST, MIN_POLARITY, Followed, Options, branch_from
+from amoeboid.surface.branches import (
+    FIRST,
+    MIN_POLARITY,
+    Followed,
+    Options,
+    branch_from,
+    turned_enough,
+)
 from amoeboid.surface.model import Model
 from amoeboid.surface.relative_equilibrium import Moving
 from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_plane
@@ -113,7 +120,7 @@ class _Traced:
     def parts(self, mesh: Any, through: Any) -> list[Followed]:
         """The branch from its first cell on: one part, or two if that lies within the window."""
         if isinstance(through, CellBifurcation):
-            refuse_mesh(mesh)
+            refuse_mesh(mesh, "through")
             return [self._leaving(through, self._place(through))]
         model, guess, q = self._first(mesh, through)
         model_at = self._models(model)
@@ -126,16 +133,25 @@ class _Traced:
     def _second(
         self, model_at: Callable[[float], Model], first: Found, q: float, far: float
     ) -> Found:
-        """A cell beside the first one, on the way to q + far. Raises NotSteady."""
-        why = NotSteady("")
+        """A cell beside the first one, on the way to q + far. Raises NotSteady.
+
+        One that turns the other way is of another branch, unless there is none nearer.
+        """
+        why, other = NotSteady(""), None
         for share in SHARES:
             length = share * FIRST * self.options.max_step * self.options.scale
             there = q + float(np.clip(far, -length, length))
             try:
-                return found_from(model_at(there), first.cell, there)
+                found = found_from(model_at(there), first.cell, there)
             except NotSteady as error:
                 why = error
-        raise why
+                continue
+            if not turned_enough([first], found):
+                return found
+            other = found
+        if other is None:
+            raise why
+        return other
 
     def _first(self, mesh: Any, through: Any) -> tuple[Model, Moving, float]:
         """The model, a cell and its parameter to begin with. Raises InvalidInput."""
@@ -143,7 +159,8 @@ class _Traced:
             low, high = sorted(self.window)
             own = getattr(through, "parameters", self.p).value(self.name)
             q = float(np.clip(own, low, high))
-            return (*started(self.p.replace(**{self.name: q}), mesh, through), q)
+            at = self.p.replace(**{self.name: q})
+            return (*started(at, mesh, through, "through"), q)
         for q in reversed(self.window):
             at = self.p.replace(**{self.name: q})
             state = steady_states(at, (1,))[-1]

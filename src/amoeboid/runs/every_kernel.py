@@ -38,6 +38,8 @@ def call_every_kernel() -> Step:
     _first_steps(
         Config(parameters=p, mesh=Mesh(subdivisions=1), time=Time(scheme="explicit", end=1e-3))
     )
+    stiff = Parameters(D=0.4, v_p0=6.0, kappa=0.1, gamma_t=1.0)
+    _first_steps(Config(parameters=stiff, mesh=Mesh(subdivisions=1), time=Time(end=0.05)))
     with TemporaryDirectory() as folder:
         for sliver in (False, True):
             path = Path(folder) / f"rod{sliver}.obj"

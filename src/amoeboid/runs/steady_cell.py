@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_picture, html_table, shown
+from amoeboid.forces import friction
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import placed
 from amoeboid.meshes.connectivity import connectivity
@@ -59,6 +60,8 @@ class SteadyCell(Snapshot):
     @cached_property
     def plain_velocity(self) -> Array:
         """`velocity` in the units of the solver."""
+        if self.parameters.has_friction:
+            return friction.velocity(self.cell)
         return cortex_drag_velocity(self.cell)
 
     @property
@@ -69,7 +72,10 @@ class SteadyCell(Snapshot):
 
     @property
     def velocity(self) -> Any:
-        """Velocity (3,) of the center of volume if all drag is on the cortex, uniformly [L/T]."""
+        """Velocity (3,) of the center of volume [L/T].
+
+        With friction that of the force balance, else as if all drag were on the cortex, uniformly.
+        """
         return quantity(self.parameters, self.plain_velocity, "L/T")
 
     @property
@@ -297,8 +303,10 @@ def found_from(model: Model, guess: Moving, q: float = 0.0) -> Found:
     return found
 
 
-def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
+def started(p: Parameters, mesh: Any, start: Any, argument: str = "start") -> tuple[Model, Moving]:
     """The model with parameters p on the mesh of a start, and the start in its frame.
+
+    `argument`: what users call the start.
 
     Raises InvalidInput for what is no start, and for a mesh beside a start that has one.
     """
@@ -306,7 +314,7 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
         start = _known(p)
     state, flow = getattr(start, "state", None), getattr(start, "flow", None)
     if isinstance(state, State) and flow is not None:  # a snapshot of any kind
-        refuse_mesh(mesh)
+        refuse_mesh(mesh, argument)
         old, faces = start.model, start.model.mesh.faces
         model = Model(p, old.mesh, old.edge_length, t=old.t, cue=old.cue, solvers=old.solvers)
         omega = np.zeros(3) if state.angular_velocity is None else state.angular_velocity
@@ -317,19 +325,19 @@ def started(p: Parameters, mesh: Any, start: Any) -> tuple[Model, Moving]:
         r = placed(state.r, faces, model.A0)
         return model, Moving(r, state.c, state.zeta0, v_c, omega)
     if isinstance(start, InitialCell):
-        refuse_mesh(mesh)
+        refuse_mesh(mesh, argument)
     elif callable(getattr(start, "as_initial", None)):
         start = start.as_initial(Icosphere() if mesh is None else mesh)
     else:
         raise InvalidInput(
-            "start must be a steady cell, a snapshot such as the final of a solution, an "
+            f"{argument} must be a steady cell, a snapshot such as the final of a solution, an "
             f"axisymmetric steady state or an InitialCell, got {start!r}"
         )
     finite = all(np.isfinite(x).all() for x in (start.r, start.c, start.zeta0))
     if not (finite and start.c.min() >= 0.0 and start.c.max() > 0.0):
         raise InvalidInput(
-            "start must hold finite numbers, and a concentration >= 0 that is not 0 everywhere, "
-            f"got {start!r}"
+            f"{argument} must hold finite numbers, and a concentration >= 0 that is not 0 "
+            f"everywhere, got {start!r}"
         )
     model = Model(p, connectivity(start.faces))
     r = placed(start.r, start.faces, model.A0)
@@ -351,9 +359,9 @@ def _known(p: Parameters) -> SteadyState:
     return found
 
 
-def refuse_mesh(mesh: Any) -> None:
+def refuse_mesh(mesh: Any, argument: str) -> None:
     """Raise InvalidInput for a mesh beside a start that has one."""
     if mesh is not None:
         raise InvalidInput(
-            f"mesh must be left out beside a start that has a mesh of its own, got {mesh!r}"
+            f"mesh must be left out beside a {argument} that has a mesh of its own, got {mesh!r}"
         )

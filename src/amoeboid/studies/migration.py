@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_table, shown
+from amoeboid.forces import friction
 from amoeboid.model.units import Units, customary_unit, in_unit, magnitude
 from amoeboid.model.units import quantity as physical
 from amoeboid.motility.balance import Motion, motion
@@ -271,6 +272,16 @@ def migrations(
         Migration(one, motion(surface, one.of(units)), fastest, modes, units, repr(surface))
         for one in wanted
     ]
+
+
+def friction_speed(state: Any) -> float:
+    """Speed towards the front by the friction of the force balance, as `Migration.number` gives it.
+
+    Raises InvalidInput without friction.
+    """
+    cell = _cell(state, None, None, None)
+    units, found = _units(cell), float(friction.velocity(cell) @ surface_of(cell).front)
+    return found if units is None else in_unit(found, "L/T", units, customary_unit("L/T"))
 
 
 def _environment(given: Any) -> Environment:

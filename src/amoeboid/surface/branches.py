@@ -23,6 +23,8 @@ from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_pla
 
 # After a step of few iterations the next one is longer by this factor, after one of many shorter.
 FEW, LONGER, MANY, SHORTER = 16, 1.5, 45, 0.7
+# A step that led to where none goes on is repeated with this share of it.
+REPEATED = 0.3
 # One step may turn away from the one before by an angle with at least this cosine.
 MIN_COSINE = 0.8
 # The shortest step as a share of the longest, and the first.
@@ -85,9 +87,12 @@ def branch_from(
     complete, message = False, f"it has more than {options.max_points} points"
     try:
         for length, found in follow(model_at, first, second, options):
+            while len(points) > 1 and points[-1][0] >= length:  # taken back
+                points.pop()
+                folds = [fold for fold in folds if fold[0] < points[-1][0]]
             seen(len(points), found)
             met = _meets_sphere(points[-1][1], found)
-            mirrored = _turned_enough([one for _, one in points], found)
+            mirrored = turned_enough([one for _, one in points], found)
             inside = low <= found.q <= high
             if not (met or mirrored) and inside:
                 points.append((length, found))
@@ -111,17 +116,31 @@ def branch_from(
 def follow(
     model_at: ModelAt, first: Found, second: Found, options: Options
 ) -> Iterator[tuple[float, Found]]:
-    """The points of a branch from `second` on, with their lengths. Raises NotSteady."""
+    """The points of a branch from `second` on, with their lengths. Raises NotSteady.
+
+    A point from which no step succeeds is taken back, as the step to it was too long: it may have
+    passed a fold. The next point has a length below that of it.
+    """
     past = [first, second]
     iteration = around(second.model, second.cell)
     length = _lengths(iteration, past, options.scale)[0]
     yield -length, second
     length, step = -length, min(options.max_step, -length * LONGER)
+    back = 0.0
     while True:
-        found, taken = _next(model_at, iteration, past[-3:], step, options)
+        try:
+            found, taken = _next(model_at, iteration, past[-3:], step, options)
+        except NotSteady:
+            if back <= SHORTEST * options.max_step or len(past) < 3:
+                raise
+            past.pop()
+            iteration = around(past[-1].model, past[-1].cell)
+            length, step, back = length - back, REPEATED * back, 0.0
+            continue
         past.append(found)
         iteration = around(found.model, found.cell)
-        length -= _lengths(iteration, past[-2:], options.scale)[0]
+        back = -_lengths(iteration, past[-2:], options.scale)[0]
+        length += back
         yield length, found
         factor = LONGER if found.iterations <= FEW else 1.0
         if found.iterations > MANY:
@@ -207,7 +226,7 @@ def _meets_sphere(before: Found, after: Found) -> bool:
     return bool(a @ b < 0.0 or np.linalg.norm(b) < MIN_POLARITY)
 
 
-def _turned_enough(points: Sequence[Found], after: Found) -> bool:
+def turned_enough(points: Sequence[Found], after: Found) -> bool:
     """Whether a cell is straight after others that turned, or turns the other way round."""
     omega = after.cell.angular_velocity
     known = [one.cell.angular_velocity for one in points]

@@ -21,6 +21,7 @@ from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import sparse
+from amoeboid.validation import InvalidInput
 
 
 class Solvers:
@@ -85,6 +86,7 @@ class Model:
     solvers: Solvers = field(default=None)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
+        _refuse_free_rotation(self.parameters)
         if self.edge_length == 0.0:
             length = equilateral_edge_length(self.A0, len(self.mesh.faces))
             object.__setattr__(self, "edge_length", length)
@@ -202,3 +204,16 @@ class Model:
     def diagonal(self) -> NDArray[np.int64]:
         """See Solvers."""
         return self.solvers.diagonal
+
+
+def _refuse_free_rotation(p: Parameters) -> None:
+    """Raise InvalidInput for friction along the normal alone: a round cell rotates without any.
+
+    The drag of a rotation is then that of the errors of the mesh, and spins the cell.
+    """
+    if p.gamma_n > 0 and not (p.gamma_t > 0 or p.gamma_c > 0):
+        raise InvalidInput(
+            "gamma_t or gamma_c must be > 0 beside gamma_n > 0 for a cell on a mesh, both are 0: "
+            "friction along the normal alone does not tell how a round cell rotates; add a small "
+            "gamma_t"
+        )
