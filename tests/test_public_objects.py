@@ -58,6 +58,8 @@ def objects(tmp_path_factory):
         "kymograph": sol.kymograph(),
         "physical kymograph": physical.kymograph(),
         "spectrum": sol.spectrum("shape"),
+        "noise": am.Noise(filaments=1e5),
+        "persistence": sol.persistence(lag=0.02, after=0.0),
         "step": sol.last,
         "first step": am.start(am.Config(mesh=am.Mesh(subdivisions=1))),
         "growth": Growth(-1.0, 0.01),

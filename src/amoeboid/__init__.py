@@ -18,6 +18,7 @@ if TYPE_CHECKING:
         Config,
         Initial,
         Mesh,
+        Noise,
         Output,
         Time,
         config_from_toml,
@@ -49,6 +50,7 @@ if TYPE_CHECKING:
     from amoeboid.runs.analysis import Kymograph, Spectrum
     from amoeboid.runs.branches import branch
     from amoeboid.runs.meshes import Icosphere, Surface
+    from amoeboid.runs.persistence import Persistence, persistence
     from amoeboid.runs.snapshot import Snapshot
     from amoeboid.runs.solution import Solution, simulate
     from amoeboid.runs.steady_cell import SteadyCell, steady_state
@@ -101,11 +103,13 @@ _HOMES = {
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
     "Model": "surface.model",
+    "Noise": "config",
     "OBSERVABLES": "observables",
     "Observable": "observables",
     "Output": "config",
     "Parameters": "model.parameters",
     "Patch": "motility.environments",
+    "Persistence": "runs.persistence",
     "PhaseDiagram": "studies.phase_diagram",
     "Plates": "motility.environments",
     "Points": "sweeps.points",
@@ -144,6 +148,7 @@ _HOMES = {
     "paired": "sweeps.points",
     "parameters_from_toml": "model.parameters",
     "parameters_to_toml": "model.parameters",
+    "persistence": "runs.persistence",
     "phase_diagram": "studies.phase_diagram",
     "points": "closed_forms.points",
     "polarization_by_cue": "closed_forms.response",
@@ -197,10 +202,12 @@ __all__ = [
     "Migration",
     "Mixed",
     "Model",
+    "Noise",
     "Observable",
     "Output",
     "Parameters",
     "Patch",
+    "Persistence",
     "PhaseDiagram",
     "Plates",
     "Points",
@@ -239,6 +246,7 @@ __all__ = [
     "paired",
     "parameters_from_toml",
     "parameters_to_toml",
+    "persistence",
     "phase_diagram",
     "points",
     "polarization_by_cue",

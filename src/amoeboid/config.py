@@ -50,6 +50,8 @@ EXPLICIT_STEP = 1e-5
 # rounding of the area is divided by the step and drives a flow.
 SHORTEST_STEP = 1e-7
 SHORTEST_EXPLICIT_STEP = 1e-10
+# The step of a run with shot noise, in units of 1/rate.
+NOISY_STEP = 0.05
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper, in units of
 # c0; the front is empty then. Laws that are not defined there start from less.
 POLARIZATION, POLARIZATION_WITHOUT_EMPTY_FRONT = 1.0, 0.2
@@ -127,7 +129,9 @@ class Time:
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
     tolerance: float = number(1e-3, "error allowed in one step, relative to c0 and R0", gt=0)
     max_step: float = automatic(
-        "longest step, 0.5/rate; if explicit the step, 1e-5/rate", "T", gt=0
+        "longest step, 0.5/rate; if explicit the step, 1e-5/rate, with shot noise 0.05/rate",
+        "T",
+        gt=0,
     )
     stop_when_steady: bool = flag(
         True, "end the run once it is steady: nothing changes, and no perturbation grows"
@@ -164,6 +168,47 @@ class Output:
         validate(self, "output")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Noise:
+    """Section [noise]: shot noise of turnover and diffusion, see docs/noise.md.
+
+    Filaments are counted, so that the strength of the noise is no free parameter: `filaments` is
+    their number on the homogeneous cell, 4 pi R0^2 c0 in numbers. 0: there is no noise.
+    """
+
+    __repr__ = short_repr
+
+    filaments: float = number(
+        0.0, "shot noise: filaments of the homogeneous cell, 4 pi R0^2 c0; 0: no noise", ge=0
+    )
+    seed: int = integer(0, "seed of the shot noise", ge=0, le=2**63 - 1)
+
+    def __post_init__(self) -> None:
+        validate(self, "noise")
+
+    @classmethod
+    def counted(cls, parameters: Parameters, seed: int = 0) -> Noise:
+        """The noise of a cell in physical units, whose filaments are counted: 4 pi R0^2 c0.
+
+        Raises InvalidInput for parameters without units.
+
+        >>> print(f"{Noise.counted(Parameters.physical()).filaments:.4g}")
+        1.722e+06
+        """
+        p = parameters
+        if p.units is None:
+            raise InvalidInput(
+                "the filaments of a cell can be counted where its parameters have units, these "
+                "have none; start from Parameters.physical, or give Noise(filaments=...)"
+            )
+        return cls(filaments=4.0 * math.pi * p.R0**2 * p.c0 * p.units.of("N"), seed=seed)
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is noise."""
+        return self.filaments > 0.0
+
+
 def figure_3d() -> Parameters:
     """The parameter point of figure 3D of the paper, the default run."""
     return Parameters(D=0.4, v_p0=6.0)
@@ -180,6 +225,7 @@ class Config:
     initial: Initial = field(default_factory=Initial)
     time: Time = field(default_factory=Time)
     output: Output = field(default_factory=Output)
+    noise: Noise = field(default_factory=Noise)
     changes: Changes = field(default_factory=Changes)  # or a mapping of names to what makes one
     cue: Any = field(default_factory=Cue)  # a Cue, or any object with its `factor`
     environment: Any = field(default_factory=CortexDrag)  # an Environment, or its text
@@ -194,6 +240,7 @@ class Config:
                 "environment must be one such as amoeboid.Fluid() or a text such as 'patch:30', "
                 f"got {self.environment!r}"
             )
+        checked_noise(self.noise)
         if self.cue is None:
             object.__setattr__(self, "cue", Cue())
 
@@ -222,7 +269,7 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "parameters": PARAMETER_NAMES,
     **{
         section.__name__.lower(): tuple(f.name for f in fields(section))
-        for section in (Mesh, Initial, Time, Output)
+        for section in (Mesh, Initial, Time, Output, Noise)
     },
     "changes": CHANGEABLE,
     "cue": tuple(f.name for f in fields(Cue)),
@@ -244,6 +291,9 @@ def resolved(config: Config) -> Config:
     inputs, unit = config.inputs, 1.0 / config.parameters.rate
     changed = max((0.0, *inputs.breaks)) if inputs is not None else 0.0
     longest = EXPLICIT_STEP if time.scheme == "explicit" else 0.5
+    if config.noise.acts:
+        _check_noise(config)
+        longest = NOISY_STEP
     time = replace(
         time,
         end=changed + 200 * unit if time.end is None else time.end,
@@ -253,6 +303,32 @@ def resolved(config: Config) -> Config:
     config = replace(config, initial=initial, time=time, output=replace(output, interval=interval))
     _check_times(config)
     return config
+
+
+def checked_noise(given: Any) -> Noise:
+    """The noise that is given. Raises InvalidInput for another object."""
+    if isinstance(given, Noise):
+        return given
+    raise InvalidInput(f"noise must be amoeboid.Noise(filaments=..., seed=...), got {given!r:.100}")
+
+
+def _check_noise(config: Config) -> None:
+    """Raise InvalidInput for what shot noise does not go with."""
+    if config.time.scheme == "explicit":
+        raise InvalidInput(
+            'time.scheme must be "semi-implicit" with shot noise (noise.filaments > 0), got '
+            '"explicit"; leave it out'
+        )
+    if config.time.finish == "solve":
+        raise InvalidInput(
+            'time.finish must be "wait" with shot noise (noise.filaments > 0), which leaves no '
+            'steady cell to solve for, got "solve"; leave it out'
+        )
+    if not config.parameters.c0 > 0.0:
+        raise InvalidInput(
+            "c0 must be > 0 with shot noise, where noise.filaments counts those of the "
+            f"homogeneous cell, got {config.parameters.c0:g}; raise it"
+        )
 
 
 def polarization(p: Parameters) -> float:

@@ -145,12 +145,3 @@ def test_steady_solver_finds_the_state_of_the_run_with_friction():
     assert float(cell.growth_rate) < 0
     np.testing.assert_array_equal(cell.velocity, friction.velocity(cell.cell))
     assert np.linalg.norm(cell.velocity) < 0.8 * cell.cortex_drag_speed
-
-
-def test_friction_that_leaves_the_rotation_of_a_round_cell_free_is_refused():
-    """It would be spun by the errors of the mesh: a run with it ended at its first step."""
-    p = P.replace(gamma_n=0.5)
-    with pytest.raises(am.InvalidInput, match="gamma_t or gamma_c must be > 0 beside gamma_n"):
-        am.simulate(p, mesh=am.Icosphere(1), until=am.time(1.0))
-    with pytest.raises(am.InvalidInput, match="gamma_t or gamma_c must be > 0 beside gamma_n"):
-        am.steady_state(p, mesh=am.Icosphere(1))

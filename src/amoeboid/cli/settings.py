@@ -12,7 +12,7 @@ from typing import Any
 
 from amoeboid.cli.output import say
 from amoeboid.cli.tables import width
-from amoeboid.config import Config, Initial, Mesh, Output, Time, with_settings
+from amoeboid.config import Config, Initial, Mesh, Noise, Output, Time, with_settings
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.validation import InvalidInput, is_text, rule
@@ -166,7 +166,7 @@ def field_table() -> str:
     """All fields of the configuration with defaults, ranges and meanings, for help texts."""
     rows = []
     default = Config()
-    for section in (Parameters, Mesh, Initial, Time, Output, Cue):
+    for section in (Parameters, Mesh, Initial, Time, Output, Noise, Cue):
         name = section.__name__.lower()
         prefix = "" if section is Parameters else f"{name}."
         for f in fields(section):

@@ -264,7 +264,8 @@ def _model(config: Config, arrays: dict[str, Array]) -> Model:
         f"edge_length must be between {shortest:g} and {longest:g}",
         edge_length,
     )
-    return Model(config.parameters, mesh, edge_length).driven(config.inputs)
+    model = Model(config.parameters, mesh, edge_length).driven(config.inputs)
+    return model.with_noise(config.noise)
 
 
 def _mesh(faces: Index, n_nodes: int) -> Connectivity:

@@ -410,7 +410,7 @@ def _adapted(manifest: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
-    for section in ("parameters", "mesh", "initial", "changes", "cue", "environment"):
+    for section in ("parameters", "mesh", "initial", "changes", "cue", "environment", "noise"):
         before, now = made_with.section(section), wanted.section(section)
         for name in {**before, **now}:
             was, is_ = before.get(name), now.get(name)

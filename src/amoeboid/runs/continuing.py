@@ -3,11 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
 from amoeboid.config import Config, Time, shortest_step
-from amoeboid.simulation.events import Event, events_of, reason
+from amoeboid.simulation.events import Event, declared, events_of, reason
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
+
+
+def ended_by(config: Config, until: Any) -> tuple[Config, tuple[Event, ...]]:
+    """The configuration with the events of `until` in it, and those that only Python can hold.
+
+    Raises InvalidInput, also for steady() where shot noise leaves no cell steady.
+    """
+    section, events = declared(config.time, until, config.parameters)
+    if config.noise.acts and until is not None and section.stop_when_steady:
+        raise InvalidInput(
+            "until must not be steady() with shot noise (noise.filaments > 0), which changes the "
+            "cell until the end of the run; give amoeboid.time(t) or amoeboid.when(...)"
+        )
+    return replace(config, time=section), events
 
 
 def least_end(first: Step, time: Time) -> float:

@@ -15,6 +15,7 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.observables import observed
 from amoeboid.observables import units as units_of
 from amoeboid.runs.analysis import Kymograph, Spectrum, kymograph, spectrum
+from amoeboid.runs.persistence import Persistence, persistence
 from amoeboid.runs.snapshot import SHOWN, Snapshot
 from amoeboid.simulation.rows import Row
 from amoeboid.simulation.step import Step
@@ -151,6 +152,10 @@ class Run:
         Degrees are up to l_max, by default 4, or fewer on a mesh of few nodes.
         """
         return spectrum(self._some_frames(), self.parameters, field, l_max)
+
+    def persistence(self, lag: Any = None, after: Any = None) -> Persistence:
+        """How long the cell keeps its heading, and how it turns; see `amoeboid.persistence`."""
+        return persistence(self, lag, after)
 
     def _some_frames(self) -> Sequence[Snapshot]:
         if not len(self.frames):

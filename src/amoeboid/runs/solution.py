@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from amoeboid.config import Config, Initial, Output, Time, configured, resolved
+from amoeboid.config import (
+    Config,
+    Initial,
+    Noise,
+    Output,
+    Time,
+    checked_noise,
+    configured,
+    resolved,
+)
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
@@ -21,7 +30,7 @@ from amoeboid.runs.advance import (
     advance_in_folder,
     summary,
 )
-from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.continuing import check_continues, ended_by
 from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.meshes import Icosphere, placed_on
 from amoeboid.runs.progress import check_progress, wanted
@@ -29,7 +38,7 @@ from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.runs.stored import StoredRun
 from amoeboid.simulation.dense_output import Schedule
-from amoeboid.simulation.events import declared, times_of
+from amoeboid.simulation.events import times_of
 from amoeboid.simulation.loop import start
 from amoeboid.simulation.path import recorded
 from amoeboid.simulation.rows import Row, Rows
@@ -77,8 +86,7 @@ class Solution(Run):
         Raises InvalidInput where it would end at once.
         """
         check_progress(progress)
-        time, events = declared(self.config.time, until, self.parameters)
-        config = replace(self.config, time=time)
+        config, events = ended_by(self.config, until)
         check_continues(self.last, resolved(config).time, events)
         record = _record(config, self.observe, writers, self.frames)
         record.series.rows, record.series.units = Rows(self.rows), dict(self.units)
@@ -120,6 +128,7 @@ def simulate(
     changes: Mapping[str, Any] | None = None,
     cue: Any = None,
     environment: Any = None,
+    noise: Noise | None = None,
 ) -> Solution:
     """Simulate the 3D cell; without arguments the run of figure 3D, as `amoeboid run` does.
 
@@ -134,7 +143,8 @@ def simulate(
     them if None. `changes`: parameters that change in time, such as `{"v_p0": steps((5, 0))}`;
     `cue`: a `Cue`, or any object with its `factor`; see docs/inputs.md. `environment`: where the
     cell migrates, such as `Fluid()` or "patch:30"; its path is recorded there, see
-    docs/motility.md. `progress`: None shows a
+    docs/motility.md. `noise`: shot noise of the filaments, such as `Noise(filaments=1e5, seed=1)`,
+    see docs/noise.md. `progress`: None shows a
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
@@ -155,6 +165,8 @@ def simulate(
         config = replace(config, cue=cue)
     if environment is not None:
         config = replace(config, environment=environment)
+    if noise is not None:
+        config = replace(config, noise=checked_noise(noise))
     if recorded(config.environment):
         settled = config.environment.settled(config.parameters.units)
         config = replace(config, environment=settled)
@@ -162,8 +174,7 @@ def simulate(
         at = times_of(times, config.parameters, "times")
         config = replace(config, output=replace(config.output, times=at))
     config, cell = _started_from(config, mesh, initial)
-    section, events = declared(config.time, until, config.parameters)
-    config = replace(config, time=section)
+    config, events = ended_by(config, until)
     names = None if observe is None else tuple([observe] if isinstance(observe, str) else observe)
     record = _record(config, names, writers)
     first = start(config, cell)

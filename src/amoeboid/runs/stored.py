@@ -27,12 +27,11 @@ from amoeboid.output.frame_reader import read_frame
 from amoeboid.output.reading import checked, text_in, within
 from amoeboid.output.timeseries import read_table
 from amoeboid.runs.advance import INTERRUPTED, advance_in_folder
-from amoeboid.runs.continuing import check_continues
+from amoeboid.runs.continuing import check_continues, ended_by
 from amoeboid.runs.interruption import Interrupted, interruptible_from_python
 from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
-from amoeboid.simulation.events import declared
 from amoeboid.simulation.rows import Rows
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
@@ -183,8 +182,7 @@ class StoredRun(Run):
         KeyboardInterrupt of `simulate`.
         """
         check_progress(progress)
-        time, events = declared(self.config.time, until, self.parameters)
-        config = replace(self.config, time=time)
+        config, events = ended_by(self.config, until)
         run, first = resumed_run(self.folder, config, writers, observe)
         check_continues(first, resolved(config).time, events)
         run.begin()

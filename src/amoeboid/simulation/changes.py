@@ -32,7 +32,9 @@ def landed(state: State, stop: float, at_stop: bool) -> State:
 
 
 def awaited(model: Model, t: float) -> str:
-    """Why a cell that does not change at time t may change again; empty if no input will."""
+    """Why a cell that does not change at time t may change again; empty if nothing will."""
+    if model.noise is not None:
+        return "shot noise changes the cell until the end of the run"
     if model.inputs is None or model.inputs.until < t:
         return ""
     until = model.inputs.until

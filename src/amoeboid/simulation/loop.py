@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from amoeboid.config import Config, Time, resolved
+from amoeboid.config import Config, Noise, Time, resolved
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.events import Event, events_of, reason
@@ -60,7 +60,8 @@ def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[St
     """
     given, inputs = first.model.given, first.model.inputs
     acting = {} if inputs is None else {"changes": inputs.changes, "cue": inputs.cue}
-    time = resolved(Config(parameters=given, time=time, **acting)).time
+    noise = first.model.noise or Noise()
+    time = resolved(Config(parameters=given, time=time, noise=noise, **acting)).time
     every = [*events, *events_of(time)]
     step = first
     while step.state.t < time.end:

@@ -24,7 +24,8 @@ class Step:
     parameters changes, and for an initial state; `ended` says why the run ends here, None if it
     goes on; `tried`: the nodes (V, 3) of the last attempt to make a better mesh, if it failed;
     `adapted`, of an initial state: what was done to a shape from a file; `solved`: the state is a
-    steady one that was solved for from that of the step.
+    steady one that was solved for from that of the step; `noise_kept`: the share of the shot noise
+    of the step that its nodes had filaments enough for.
     """
 
     number: int
@@ -39,6 +40,7 @@ class Step:
     tried: Array | None = None
     adapted: Adaptation | None = None
     solved: bool = False
+    noise_kept: float = 1.0
 
     def __repr__(self) -> str:
         words = f"t = {self.state.t:.6g}, dt = {self.dt:.3g}, {len(self.state.r)} nodes"

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from amoeboid.arrays import Array
 from amoeboid.config import SHORTEST_STEP, Time
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
@@ -14,6 +15,7 @@ from amoeboid.simulation.finish import solved_for
 from amoeboid.simulation.step import Step
 from amoeboid.surface.explicit import explicit_step
 from amoeboid.surface.model import Model
+from amoeboid.surface.noise import noisy_past
 from amoeboid.surface.remeshing import due, remeshed
 from amoeboid.surface.stability import leading_growth_rate
 from amoeboid.surface.state import Flow, State
@@ -40,6 +42,8 @@ def next_step(step: Step, time: Time) -> Step:
     """
     if time.scheme == "explicit":
         return _explicit(step, time)
+    if step.model.noise is not None:
+        return _noisy(step, time)
     new = _semi_implicit(step, time)
     solves = time.stop_when_steady and time.finish == "solve"
     return (solved_for(step, new) if solves else None) or new
@@ -60,27 +64,18 @@ def _explicit(step: Step, time: Time) -> Step:
 
 def _semi_implicit(step: Step, time: Time) -> Step:
     """One accepted step; its length follows from the error estimate."""
-    model, present, tried = step.model, step.state, step.tried
-    stop, smooth = next_stop(model, present.t, time.end), not after_break(model, present.t)
-    if due(model, present, tried):
-        model, present = remeshed(model, present)
-        tried = present.r if model is step.model else None
-    kept = model is step.model
-    past, flow_before = (step.history, step.flow) if kept else ((present,), None)
-    if not smooth:  # what was before tells nothing of what comes
-        past, flow_before = (replace(present, angular_velocity=None),), None
-    dt = min(_next_length(step) if smooth else step.next_dt, time.max_step)
+    begun = _begun(step)
+    model, past, stop = begun.model, begun.past, next_stop(step.model, step.state.t, time.end)
+    dt = min(_next_length(step) if begun.smooth else step.next_dt, time.max_step)
     rejected = step.rejected
-    if not (kept and smooth):
+    if not begun.goes_on:
         dt *= START_AGAIN
     why = "the flow changes faster than any step can follow"
     while dt > SHORTEST_STEP / model.rate:
-        remaining = stop - present.t
-        # do not leave a sliver for the last step
-        length = remaining if dt > 0.999 * remaining else dt
+        length, lands = _to_stop(dt, stop - past[0].t)
         try:
-            state, flow, error = _tried(model, past, length, flow_before, time.tolerance)
-            state = landed(state, stop, length == remaining)
+            state, flow, error = _tried(model, past, length, begun.flow, time.tolerance)
+            state = landed(state, stop, lands)
         except (StepFailed, SingularMatrix, InvalidInput) as failure:
             # InvalidInput: the law is not defined at a concentration that this step would need
             why = str(failure)
@@ -100,8 +95,68 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         # a step cut short by a stop says nothing about the length to go on with
         next_dt = max(grown, dt) if length < dt else grown
         new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
-        return replace(new, tried=tried)
+        return replace(new, tried=begun.tried)
     raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
+
+
+def _noisy(step: Step, time: Time) -> Step:
+    """One step with shot noise, of length time.max_step: see `surface.noise`.
+
+    How long it is depends on nothing that its noise decides: if large changes were rejected for
+    shorter steps, there would be too few of them. A step that cannot be made is made shorter,
+    with the same random numbers; the next ones grow back to the given length.
+    """
+    begun, stop = _begun(step), next_stop(step.model, step.state.t, time.end)
+    model, rejected, why = begun.model, step.rejected, ""
+    dt = min(_next_length(step), time.max_step)
+    while dt > SHORTEST_STEP / model.rate:
+        length, lands = _to_stop(dt, stop - step.state.t)
+        try:
+            past, kept = noisy_past(model, begun.past, length, step.number + 1)
+            state, flow, _ = _tried(model, past, length, begun.flow, time.tolerance)
+        except (StepFailed, SingularMatrix, InvalidInput) as failure:
+            why, dt, rejected = str(failure), 0.3 * length, rejected + 1
+            continue
+        history = (landed(state, stop, lands), *past[: KEPT - 1])
+        new = _accepted(step, model, history, flow, time.max_step, rejected)
+        return replace(new, tried=begun.tried, noise_kept=kept)
+    raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Begun:
+    """What a step begins with: model and past, on a better mesh where one is due.
+
+    `flow`: the flow before it, None where nothing before tells of what comes; `smooth`: no input
+    has just jumped; `goes_on`: neither has that nor the mesh changed.
+    """
+
+    model: Model
+    past: tuple[State, ...]
+    flow: Flow | None
+    tried: Array | None
+    smooth: bool
+    goes_on: bool
+
+
+def _begun(step: Step) -> _Begun:
+    model, present, tried = step.model, step.state, step.tried
+    smooth = not after_break(model, present.t)
+    if due(model, present, tried):
+        model, present = remeshed(model, present)
+        tried = present.r if model is step.model else None
+    kept = model is step.model
+    past, flow = (step.history, step.flow) if kept else ((present,), None)
+    if not smooth:  # what was before tells nothing of what comes
+        past, flow = (replace(present, angular_velocity=None),), None
+    return _Begun(model, past, flow, tried, smooth, kept and smooth)
+
+
+def _to_stop(dt: float, remaining: float) -> tuple[float, bool]:
+    """The length of a step that aims at dt, and whether it ends at the stop `remaining` ahead."""
+    # do not leave a sliver for the last step
+    length = remaining if dt > 0.999 * remaining else dt
+    return length, length == remaining
 
 
 def _accepted(

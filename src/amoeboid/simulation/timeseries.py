@@ -30,6 +30,10 @@ STEP_UNITS: dict[str, str | None] = {
     **dict.fromkeys(POSITION, "L"),
 }
 
+# Of a run with shot noise: the share of it in a step that the nodes had filaments enough for.
+NOISE_KEPT = "noise_kept"
+NOISE_UNITS: dict[str, str | None] = {NOISE_KEPT: "1"}
+
 
 def column_units(
     observe: Iterable[str] | None = None, config: Config | None = None
@@ -41,6 +45,8 @@ def column_units(
     observable that has the name of another column.
     """
     changing = {} if config is None else input_units(config)
+    if config is not None and config.noise.acts:
+        changing = changing | NOISE_UNITS
     if environment_of(config) is not None:
         changing = PATH_UNITS | changing
     columns = [*STEP_UNITS, *(c for name, o in selected(observe).items() for c in o.columns(name))]
@@ -80,6 +86,7 @@ def row_of(step: Step, observe: Iterable[str] | None = None) -> Row:
         **dict(zip(POSITION, (float(x) for x in step.state.position), strict=True)),
         **observed(step.cell, observe),
         **input_values(step.model),
+        **({} if step.model.noise is None else {NOISE_KEPT: step.noise_kept}),
     }
 
 

@@ -76,7 +76,8 @@ def initial_condition(config: Config, cell: InitialCell | None = None) -> Start:
     else:
         begin = Start(*sphere(p, config.mesh.subdivisions))
     state = perturbed(begin.model, begin.state, initial)
-    return replace(begin, model=begin.model.driven(config.inputs), state=state)
+    model = begin.model.driven(config.inputs).with_noise(config.noise)
+    return replace(begin, model=model, state=state)
 
 
 def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:

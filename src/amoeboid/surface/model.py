@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
+from amoeboid.config import Noise
 from amoeboid.meshes.bending import TwoRings
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
@@ -21,7 +22,6 @@ from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import sparse
-from amoeboid.validation import InvalidInput
 
 
 class Solvers:
@@ -74,7 +74,7 @@ class Model:
     `edge_length` [L]: the length that remeshing aims at. It is that of equilateral triangles with
     the total area A0, as many as at the beginning of the run. `inputs`, if there are any: how
     parameters change in time, and a cue; `parameters` and `cue` are then those at time `t` [T].
-    Made by `driven` and `at`.
+    Made by `driven` and `at`. `noise`: shot noise of the filaments, if there is any.
     """
 
     parameters: Parameters
@@ -84,9 +84,9 @@ class Model:
     t: float = 0.0
     cue: Any = None
     solvers: Solvers = field(default=None)  # type: ignore[assignment]
+    noise: Noise | None = None
 
     def __post_init__(self) -> None:
-        _refuse_free_rotation(self.parameters)
         if self.edge_length == 0.0:
             length = equilateral_edge_length(self.A0, len(self.mesh.faces))
             object.__setattr__(self, "edge_length", length)
@@ -128,6 +128,16 @@ class Model:
     def given(self) -> Parameters:
         """The parameters as the run was given them; a change in time leaves these."""
         return self.parameters if self.inputs is None else self.inputs.given
+
+    def with_noise(self, noise: Noise) -> Model:
+        """The model with shot noise of the filaments; itself if there is none."""
+        return replace(self, noise=noise) if noise.acts else self
+
+    @property
+    def filaments_per_number(self) -> float:
+        """Filaments in a unit of number [1/N], where there is shot noise."""
+        assert self.noise is not None  # noqa: S101
+        return self.noise.filaments / (self.A0 * self.given.c0)
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -204,16 +214,3 @@ class Model:
     def diagonal(self) -> NDArray[np.int64]:
         """See Solvers."""
         return self.solvers.diagonal
-
-
-def _refuse_free_rotation(p: Parameters) -> None:
-    """Raise InvalidInput for friction along the normal alone: a round cell rotates without any.
-
-    The drag of a rotation is then that of the errors of the mesh, and spins the cell.
-    """
-    if p.gamma_n > 0 and not (p.gamma_t > 0 or p.gamma_c > 0):
-        raise InvalidInput(
-            "gamma_t or gamma_c must be > 0 beside gamma_n > 0 for a cell on a mesh, both are 0: "
-            "friction along the normal alone does not tell how a round cell rotates; add a small "
-            "gamma_t"
-        )
