@@ -192,23 +192,30 @@ class Path:
             self.end = SYMMETRIC
             return self._to_symmetry(anchor, point, pending)
         if point.parameter <= 0:
-            if not self._reaches_zero(pending):
-                return []
-            self.end = ZERO
-        elif self.count > 2 and any(self._closes(arc) for arc in pending):
+            arcs = self._to_zero(pending)
+            self.end = ZERO if arcs else ""
+            return arcs
+        if self.count > 2 and any(self._closes(arc) for arc in pending):
             self.end = CLOSED
         return pending
 
-    def _reaches_zero(self, pending: list[Arc]) -> bool:
-        """Whether the branch has a state at zero between these points.
+    def _to_zero(self, pending: list[Arc]) -> list[Arc]:
+        """The arcs up to the state at zero; none if these points have no state there.
 
-        A step beyond zero may have jumped to another branch, past the end of this one.
+        A step beyond zero may have jumped to another branch, past the end of this one. Raises
+        Unresolved if that state cannot be resolved: shorter steps lead to the same one.
         """
-        with suppress(Stalled):
-            return any(
-                at_value(arc, 0.0, self.options) is not None for arc in pending if arc.holds(0.0)
-            )
-        return False
+        for k, arc in enumerate(pending):
+            try:
+                end = at_value(arc, 0.0, self.options)
+            except Unresolved as stop:
+                self.unresolved = Arc(arc.anchor, arc.a, stop.point)
+                raise
+            except Stalled:
+                return []
+            if end is not None:
+                return [*pending[:k], Arc(arc.anchor, arc.a, replace(end, parameter=0.0))]
+        return []
 
     def _deviation(self, point: Point) -> Array:
         """The scaled difference of shape, flow and concentration from the sphere."""

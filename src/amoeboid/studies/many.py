@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric import lanes
 from amoeboid.axisymmetric.many import CONVERGED, REASONS, STATUSES, Found, solved
 from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
 from amoeboid.axisymmetric.unknowns import resampled
@@ -18,10 +19,17 @@ from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
+from amoeboid.studies import observed
 from amoeboid.studies.columns import needed
+from amoeboid.studies.recorded import Recorded, single
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput, refuse_unknown
 
+MANY_MODES = 64
+"""The most modes of a state that are tried unless more are asked for."""
+BATCH = 1000
+"""Points that a sweep computes at a time, and keeps when all of them are done."""
+AT_REST, POLARIZED = "sphere", "polarized"
 SHOWN_AFTER = 2.0
 """Seconds before progress is shown."""
 
@@ -134,7 +142,7 @@ def many_steady_states(
     start: SteadySolution | None = None,
     *,
     modes: int = MODES,
-    max_modes: int = 64,
+    max_modes: int = MANY_MODES,
     chunk: int | None = None,
     progress: bool = True,
 ) -> ManySteadyStates:
@@ -150,6 +158,8 @@ def many_steady_states(
     `modes` and `max_modes`: length of the series, doubled where it does not resolve the state.
     `chunk`: how many cells are computed at the same time. Raises InvalidInput without JAX, and for
     a law or a stress that is not made of arithmetic and functions of NumPy.
+
+    As the solver of `sweep` it takes many points at a time (`polarized_states`).
     """
     table = cells if isinstance(cells, Points) else _points_of(cells)
     for name, value, low, high in (
@@ -188,3 +198,78 @@ def _points_of(cells: Sequence[Parameters]) -> Points:
         )
     columns = {name: np.array([p.value(name) for p in cells]) for name in first.names}
     return points(first, **columns)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PolarizedState:
+    """The fastest state of one cell; without a `solution` it is the sphere, and `problems` says so.
+
+    The sphere has no entries but `state`: whether that is the answer, or the state was lost, is
+    what the words are for.
+    """
+
+    parameters: Parameters
+    solution: SteadySolution | None
+    problems: tuple[str, ...] = ()
+
+    def recorded(self) -> dict[str, Recorded]:
+        """What sweeps record: polarized or sphere, the modes of the series, every observable."""
+        state = self.solution
+        word = AT_REST if state is None else POLARIZED
+        values: dict[str, tuple[Any, str | None]] = {
+            name: (
+                None if state is None else observed.observed(state, name),
+                observed.dimension(name),
+            )
+            for name in observed.names()
+        }
+        values["modes"] = (None if state is None else state.n, None)
+        return {"state": Recorded(word, title="polarized or sphere")} | single(
+            self.parameters, values
+        )
+
+    def __repr__(self) -> str:
+        word = AT_REST if self.solution is None else POLARIZED
+        return f"PolarizedState({word}; {self.parameters.description:.200})"
+
+
+def polarized_states(cells: Sequence[Any], **options: Any) -> list[Any]:
+    """An answer for every cell: a `PolarizedState`, or the InvalidInput that says why not.
+
+    `options` are those of `many_steady_states`. Cells of several laws, stresses or units, with and
+    without friction, are computed in turns. Raises InvalidInput without JAX.
+    """
+    lanes.jax()
+    answers: list[Any] = [None] * len(cells)
+    groups: dict[Any, list[int]] = {}
+    for k, p in enumerate(cells):
+        if not isinstance(p, Parameters):
+            answers[k] = InvalidInput(f"many_steady_states takes Parameters, got {p!r:.100}")
+            continue
+        kind = (p.law.name, p.stress.name, p.names, repr(p.units), p.has_friction)
+        groups.setdefault(kind, []).append(k)
+    for places in groups.values():
+        found = _answers([cells[k] for k in places], options)
+        for k, answer in zip(places, found, strict=True):
+            answers[k] = answer
+    return answers
+
+
+def _answers(cells: list[Parameters], options: dict[str, Any]) -> list[Any]:
+    try:
+        found = many_steady_states(cells, progress=False, **options)
+    except InvalidInput as refused:
+        return [refused] * len(cells)
+    answers: list[Any] = []
+    for k, p in enumerate(cells):
+        if found.status[k] == "converged":
+            answers.append(PolarizedState(p, found.state(k)))
+        elif found.status[k] == "sphere":
+            answers.append(PolarizedState(p, None, (found.reason(k),)))
+        else:
+            answers.append(InvalidInput(f"{found.status[k]}: {found.reason(k)}"))
+    return answers
+
+
+many_steady_states.batch = polarized_states  # type: ignore[attr-defined]  # what `sweep` calls
+many_steady_states.batch_size = BATCH  # type: ignore[attr-defined]

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from amoeboid.axisymmetric.lanes import jax
 from amoeboid.config import SECTIONS, Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.motility.words import environment
@@ -20,6 +21,7 @@ from amoeboid.runs.branches import branch
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
 from amoeboid.studies.branch import checked_window
+from amoeboid.studies.many import MANY_MODES, many_steady_states
 from amoeboid.studies.migration import Migration, migrate
 from amoeboid.studies.states import steady_states
 from amoeboid.studies.theory import theory
@@ -156,7 +158,17 @@ def _theory(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
 
 
 def _steady(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
-    refuse_unknown(given, ("name", "degrees"), "key of [solver] steady")
+    refuse_unknown(given, ("name", "degrees", "many", "max_modes"), "key of [solver] steady")
+    many = given.get("many", False)
+    if not isinstance(many, bool):
+        raise InvalidInput(f"[solver] many must be true or false, got {many!r:.100}")
+    wrong = "degrees" if many else "max_modes"
+    if wrong in given:
+        word = "false" if many else "true"
+        raise InvalidInput(f"[solver] {wrong} needs many = {word}; leave one of them out")
+    if many:
+        jax()
+        return partial(many_steady_states, max_modes=given.get("max_modes", MANY_MODES)), base
     degrees = given.get("degrees", [1, 2, 3])
     whole = isinstance(degrees, list) and degrees and all(type(n) is int and n > 0 for n in degrees)
     if not whole:
