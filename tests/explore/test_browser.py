@@ -171,6 +171,8 @@ def test_it_fits_the_screen(chromium, server, width, dark, tmp_path):
     tab = chromium.open(server[1], width=width, height=844, dark=dark)
     tab.until("explorer.known.states && explorer.live.latest")
     assert tab.value("document.documentElement.scrollWidth") <= width
+    wide = "[...document.querySelectorAll('.scroll')].map((e) => e.scrollWidth - e.clientWidth)"
+    assert max(tab.value(wide)) <= 0
     assert tab.value("document.documentElement.classList.contains('dark')") == dark
     tab.close()
 

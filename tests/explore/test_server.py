@@ -306,7 +306,7 @@ def test_a_fifth_page_is_told_to_wait(address):
     [
         pytest.param(signal.SIGINT, marks=pytest.mark.slow),
         pytest.param(signal.SIGTERM, marks=pytest.mark.slow),
-        signal.SIGKILL,
+        pytest.param(signal.SIGKILL, marks=pytest.mark.slow),
     ],
 )
 def test_however_the_server_ends_nothing_is_left(number):
