@@ -15,6 +15,14 @@ P = am.Parameters(D=0.4, v_p0=6.0)
 SMALL = am.Icosphere(1)
 
 
+@pytest.fixture(autouse=True)
+def ctrl_c():
+    """Ctrl-C as in a script: a job in the background of a shell ignores it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 class CtrlC:
     """A writer that presses Ctrl-C at a step, once or more often."""
 

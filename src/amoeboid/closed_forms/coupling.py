@@ -121,10 +121,11 @@ def cubic_equations(p: Points) -> CubicEquations:
     refuse_nonlinear_friction(p)
     c0, R0, S = p.c0, p.R0, p.eta_s + p.eta_b
     f0, f1 = p.v_p_derivatives(c0, 1)
-    _, w1, w2 = driving_derivatives(p, 2)
+    w = driving_derivatives(p, 3)
+    _, w1, w2, _ = w
     _, K1 = stress_derivatives(p, 1)
     G1, G2 = flow_response(p, 1), flow_response(p, 2)
-    _, first, second, third = (G1 * w for w in mode_derivatives(p, 1, 3))
+    _, first, second, third = (G1 * w_k for w_k in mode_derivatives(p, 1, 3, w))
     # flow of mode 2 on the shape P_2, and drag of the shape P_2 on a moving cell
     on_shape = 1 - G2 * (1 + (p.gamma_t + p.gamma_c) * R0**2 / (2 * S))
     drag = effective_friction(p) * R0**2 / S

@@ -66,7 +66,8 @@ def base_tension(p: Points) -> Array:
 
 def stress_derivatives(p: Points, order: int) -> tuple[Array, ...]:
     """K_k, the k-th derivative of -R0 tau/(2S) at c0, to `order` [L/T over powers of N/L^2]."""
-    return tuple(-t * p.R0 / (2 * (p.eta_s + p.eta_b)) for t in p.tau_derivatives(p.c0, order))
+    twice = 2 * (p.eta_s + p.eta_b)
+    return tuple(-t * p.R0 / twice for t in p.tau_derivatives(p.c0, order))
 
 
 def driving_derivatives(p: Points, order: int) -> tuple[Array, ...]:
@@ -120,16 +121,22 @@ def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
     return np.where(L == 2, first, 2 * S / resisted)
 
 
-def mode_derivatives(p: Points, l: ArrayLike, order: int) -> tuple[Array, ...]:
+def mode_derivatives(
+    p: Points, l: ArrayLike, order: int, driving: tuple[Array, ...] | None = None
+) -> tuple[Array, ...]:
     """What drives the flow of mode l, the k-th derivatives at c0 [L/T over powers of N/L^2].
 
     w_k, and in mode l = 1 `push_share` times those of m v_p, with m(c) of `forces.friction`.
+    `driving`: the w_k, where they are known.
     """
-    share = np.where(_degree(l) == 2, push_share(p), 0.0)
+    L, w = _degree(l), driving or driving_derivatives(p, order)
+    if not np.any(p.gamma_c):
+        return w
+    share = np.where(L == 2, push_share(p), 0.0)
     f = p.v_p_derivatives(p.c0, order)
     more = [0.0, *(k * _density_slope(p) * f[k - 1] for k in range(1, order + 1))]
     pushed = (share * (f_k + m_k) for f_k, m_k in zip(f, more, strict=True))
-    return tuple(w + q for w, q in zip(driving_derivatives(p, order), pushed, strict=True))
+    return tuple(w_k + q for w_k, q in zip(w, pushed, strict=True))
 
 
 @finite_result
