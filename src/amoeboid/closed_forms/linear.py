@@ -116,9 +116,12 @@ def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
     L = _degree(l)
     p = points(p)
     S = p.eta_s + p.eta_b
-    first = 1 / (1 + effective_friction(p) * p.R0**2 / (2 * S))
+    if np.all(L == 2):
+        return 1 / (1 + effective_friction(p) * p.R0**2 / (2 * S)) + np.zeros(L.shape)
     resisted = L * (2 * p.eta_s + p.eta_b) - 2 * p.eta_s + (p.gamma_t + p.gamma_c) * p.R0**2
-    return np.where(L == 2, first, 2 * S / resisted)
+    if np.any(L == 2):
+        return np.where(L == 2, flow_response(p, 1), 2 * S / resisted)
+    return 2 * S / resisted
 
 
 def mode_derivatives(
