@@ -191,5 +191,5 @@ def write_netcdf(table: Any, path: Path) -> None:
 
 def check_netcdf() -> None:
     """Raise InvalidInput where a package that NetCDF needs is missing."""
-    for package in ("xarray", "h5netcdf"):
+    for package in ("xarray", "h5netcdf", "h5py"):
         needed(package)
