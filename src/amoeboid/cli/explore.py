@@ -58,7 +58,7 @@ def execute(args: argparse.Namespace) -> int:
     """Serve the page until it is told to stop, or write it."""
     if args.export is not None:
         return _export(args)
-    from amoeboid.explorer.needed import check_websockets
+    from amoeboid.explorer.needed import check_packages
     from amoeboid.explorer.notebook import checked_folder, checked_idle
     from amoeboid.explorer.server import Server
 
@@ -66,7 +66,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--set and --physical belong to --export; the page has sliders for them")
     folder = checked_folder(args.output)
     checked_idle(args.idle)
-    check_websockets()
+    check_packages()
 
     def started(server: Server) -> None:
         if args.json:
