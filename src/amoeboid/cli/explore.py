@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from amoeboid.cli.output import say
 from amoeboid.cli.settings import add_parameters, only_parameters, print_json, real
+from amoeboid.extras import check
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -100,6 +101,7 @@ def _export(args: argparse.Namespace) -> int:
         raise InvalidInput(f"--export must name a page (.html), got {str(path)!r}")
     if not path.parent.is_dir():
         raise InvalidInput(f"--export must name a file in a folder that exists, got {str(path)!r}")
+    check("--export needs", "matplotlib")
     p = only_parameters(args)
     with shown() as watch:
         size = write_page(p, path, watch)

@@ -22,7 +22,7 @@ from amoeboid.meshes.obj import read_obj
 from amoeboid.meshes.ply import read_ply
 from amoeboid.meshes.polygons import Unreadable, triangulated
 from amoeboid.meshes.stl import read_stl
-from amoeboid.meshes.vtp import UNREADABLE, vtp_arrays
+from amoeboid.meshes.vtp import APPENDED, UNREADABLE, vtp_arrays
 from amoeboid.validation import InvalidInput
 
 READERS = {"stl": read_stl, "ply": read_ply, "obj": read_obj}
@@ -128,8 +128,10 @@ def _check_beginning(data: bytes, kind: str) -> None:
 
 def _own_vtp(data: bytes) -> dict[str, NDArray]:
     """The arrays of a file that this package has written, as `vtk_process` names them; else {}."""
+    if APPENDED.encode() not in data:
+        return {}
     try:
-        arrays = vtp_arrays(data)
+        arrays = vtp_arrays(data)  # with the checksum that this package alone writes
         points = arrays["Points"].reshape(-1, 3)
         faces = arrays["connectivity"].reshape(-1, 3)
         if faces.min() < 0 or faces.max() >= len(points):
