@@ -114,6 +114,7 @@ def test_figure_is_the_same_in_other_units(monkeypatch):
     assert other["branch"].unit("v_p0") == "L/T"
 
 
+@pytest.mark.slow
 def test_run_is_the_same_in_other_units():
     p = Parameters(v_p0=3.8)
     one = computed.steady_run(p, COARSE, 0.03)
