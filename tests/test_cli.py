@@ -1,4 +1,5 @@
 import errno
+import io
 import json
 import os
 import re
@@ -150,6 +151,14 @@ def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
     assert main(["run", "--resume", folder, *same, "--set", setting]) == 2
     err = capsys.readouterr().err
     assert f"--resume keeps {says}; only time.* and output.* may change" in err
+
+
+def test_letters_that_standard_output_lacks_are_escaped(tmp_path, monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), "ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    folder = tmp_path / "Zellkörper"
+    assert main(["run", *QUICK, "--set", "time.end=0.01", "-o", str(folder)]) == 0
+    assert "Zellkörper".encode("ascii", "backslashreplace") in stream.buffer.getvalue()
 
 
 @pytest.mark.slow
