@@ -554,3 +554,10 @@ def test_whatever_ends_a_run_is_in_its_manifest(tmp_path, monkeypatch):
             assert main(run) == 130
         assert json.loads((folder / "manifest.json").read_text())["status"] == status
         shutil.rmtree(folder)
+
+
+def test_python_m_amoeboid_is_the_command():
+    run = [sys.executable, "-m", "amoeboid", "--version"]
+    done = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("amoeboid ")

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_plot(parser, "the states")
     parser.epilog = (
         "Searched: the branches that bifurcate from the homogeneous sphere in l = 1, 2, 3.\n"
+        "friction_speed: of a cell with friction, towards its front.\n"
         "c_front and c_rear: the lowest and the highest concentration on the surface.\n"
         "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays.\n"
         f"{PLOT_FAILS}"
@@ -41,7 +42,8 @@ def execute(args: argparse.Namespace) -> int:
     """Search, print, draw."""
     from amoeboid.studies.states import states_rows, steady_states
 
-    p, names = only_parameters(args), observables_shown(args)
+    p = only_parameters(args)
+    names = observables_shown(args, p)
     check_picture(args.plot)
     with shown() as watch:
         found = steady_states(p, watch=watch)

@@ -95,8 +95,9 @@ def time(t: Any) -> At:
 def when(text: str) -> When:
     """The event that a condition holds, such as "polarity > 0.5" or "c_front < 0.1*c0 and t > 5".
 
-    It compares expressions of observables, yours included, of parameters, of the time t and of
-    numbers. The run ends with the first step at whose end it holds. Raises InvalidInput.
+    It compares expressions of observables, yours included, of parameters (`law.n` of your own
+    law), of the time t and of numbers. The run ends with the first step at whose end it holds.
+    Raises InvalidInput.
     """
     return When(text)
 
