@@ -263,7 +263,8 @@ def test_two_processes_do_not_write_to_one_folder(folder, capsys):
     """The second is refused in one line and changes nothing; a killed one is no hindrance."""
     script = (
         "import sys, time\nfrom pathlib import Path\nfrom amoeboid.output.lock import FolderLock\n"
-        "FolderLock(Path(sys.argv[1])).take()\nprint('taken', flush=True)\ntime.sleep(60)\n"
+        "lock = FolderLock(Path(sys.argv[1]))\nlock.take()\n"
+        "print('taken', flush=True)\ntime.sleep(60)\n"
     )
     holder = subprocess.Popen(
         [sys.executable, "-c", script, str(folder)], stdout=subprocess.PIPE, text=True
