@@ -8,22 +8,20 @@ import ast
 import dataclasses
 import inspect
 import re
-import textwrap
 from functools import cache
 from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from pkgutil import iter_modules
 
-import pytest
-
 import amoeboid
 from amoeboid import closed_forms
-from amoeboid.model.units import exponents
 
 ITEMS = Path(__file__).parents[1] / "paper" / "items.toml"
 SHAPE = re.compile(r"\((?:\.\.\.|\d*[A-Za-z_]\w*|\d+)(?: [+*-] \w+)?,(?: ?[^()]+)?\)")
 DIMENSION = re.compile(r"\[([^\]\[]*)\]")
+SYMBOLS = r"[LTMN](?:\^\d)?(?: [LTMN](?:\^\d)?)*"
+DIMENSIONS = re.compile(rf"(?:1|{SYMBOLS})(?:/(?:[LTMN](?:\^\d)?|\({SYMBOLS}\)))?")
 # words that say what a shape or a unit would: the result has those of something else
 SHAPE_WORDS = re.compile(r"broadcast|shape of|\bnumber\b", re.IGNORECASE)
 UNIT_WORDS = re.compile(r"\bunits?\b|\bdegrees\b|\bseconds\b|^Whether|^Where|^One word")
@@ -95,10 +93,19 @@ def returned(function):
     return str(inspect.signature(function).return_annotation)
 
 
+@cache
+def definitions(file):
+    """The classes and functions of a file by their first line, that of a decorator if any."""
+    tree = ast.parse(Path(file).read_text(encoding="utf-8"))
+    kinds = ast.ClassDef | ast.FunctionDef
+    found = [node for node in ast.walk(tree) if isinstance(node, kinds)]
+    return {min(n.lineno for n in (node, *node.decorator_list)): node for node in found}
+
+
 def raised(function):
     """Names of the errors that a function raises itself."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
-    for node in ast.walk(tree):
+    code = inspect.unwrap(function).__code__
+    for node in ast.walk(definitions(code.co_filename)[code.co_firstlineno]):
         called = node.exc if isinstance(node, ast.Raise) else node
         if not (isinstance(called, ast.Call) and isinstance(called.func, ast.Name)):
             continue
@@ -174,8 +181,9 @@ def attribute_docs(cls):
     found = []
     for base in cls.__mro__:
         if base.__module__.startswith("amoeboid"):
-            body = ast.parse(textwrap.dedent(inspect.getsource(base))).body[0].body
-            for node, after in pairwise(body):
+            file = definitions(inspect.getsourcefile(base))
+            (own,) = [node for node in file.values() if node.name == base.__name__]
+            for node, after in pairwise(own.body):
                 documented = isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant)
                 if isinstance(node, ast.AnnAssign) and documented:
                     found.append(f" {node.target.id} ")
@@ -204,13 +212,12 @@ def test_docstrings_of_numbers_state_units():
 
 
 def test_dimensions_in_docstrings_are_of_length_time_mass_and_filaments():
-    problems = []
-    for path, thing in {**FUNCTIONS, **CLASSES}.items():
-        for text in DIMENSION.findall(re.sub(r"`[^`]*`|>>>.*|\n\s.*", "", doc_of(thing))):
-            try:
-                exponents(text)
-            except Exception:
-                problems.append(f"{path}: [{text}]")
+    problems = [
+        f"{path}: [{text}]"
+        for path, thing in {**FUNCTIONS, **CLASSES}.items()
+        for text in re.findall(r"\[([A-Z0-9^/ ()]*[A-Z][A-Z0-9^/ ()]*)\]", doc_of(thing))
+        if not DIMENSIONS.fullmatch(text)
+    ]
     assert not problems, short(problems)
 
 
