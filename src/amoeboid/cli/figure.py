@@ -15,6 +15,7 @@ from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE, drawn_together
 from amoeboid.cli.settings import add_parameters, parameters_from, print_json
 from amoeboid.cli.tables import table, width
+from amoeboid.extras import check
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput
 
@@ -69,6 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.figures.figure import checked_formats
 
     formats = checked_formats(args.formats or ["png"])
+    check("the figures need", "matplotlib", "pint")
     if not args.names:
         found = [figures.named(name) for name in figures.names()]
         if args.json:

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from amoeboid.cli.output import tell
+from amoeboid.extras import check
 from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
@@ -38,6 +39,7 @@ def check_picture(path: Path | None) -> None:
         raise InvalidInput(
             f"--plot must lie in a folder that can be written to, got {str(path)!r}; choose another"
         )
+    check("--plot needs", "matplotlib")
 
 
 def drawn(command: str, path: Path | None, draw: Draw, code: int = 0) -> int:

@@ -13,6 +13,7 @@ from amoeboid.cli.exit_codes import FAILURE
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.settings import add_json, print_json, whole
+from amoeboid.extras import needed
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -135,9 +136,7 @@ def _executor(scheduler: str | None) -> Iterator[Any]:
     if scheduler is None:
         yield None
         return
-    from amoeboid.studies.columns import needed
-
-    distributed = needed("distributed", "[dask]")
+    distributed = needed("distributed", "--scheduler needs")
     try:
         client = distributed.Client(scheduler, timeout=20)
     except (OSError, ValueError, TimeoutError) as error:
