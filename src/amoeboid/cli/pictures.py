@@ -13,7 +13,7 @@ from amoeboid.cli.output import tell
 from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
-PLOT_FAILS = "Exit code 1 if the picture of --plot cannot be drawn; results are printed before."
+PLOT_FAILS = "Exit code 1: the picture of --plot could not be drawn (results are printed before)."
 Draw = Callable[[Path], object]
 SUFFIXES = (".png", ".pdf", ".svg")
 
