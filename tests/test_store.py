@@ -585,7 +585,7 @@ def test_an_observable_that_fails_is_named_and_the_run_has_failed(
 @pytest.mark.parametrize("name", ["t", "step", "cortex_drag_x", "cortex_drag_heading_x"])
 def test_an_observable_must_have_a_name_of_its_own(name, observables, tmp_path):
     observables[name] = r_std
-    with pytest.raises(InvalidInput, match=f"{name!r} is another column"):
+    with pytest.raises(InvalidInput, match=f"{name!r} must differ from the columns"):
         run_into(tmp_path / "run")
     assert list((tmp_path / "run").iterdir()) == []
 
@@ -605,7 +605,7 @@ def test_a_law_that_no_file_can_hold_is_refused_before_anything_is_written(tmp_p
     for write in (config_to_toml, lambda c: parameters_to_toml(c.parameters)):
         with pytest.raises(InvalidInput, match="Linear with the name 'linear' would not be read"):
             write(config)
-    with pytest.raises(InvalidInput, match="would not be read back"):
+    with pytest.raises(InvalidInput, match="could not be read back"):
         new_run(new_folder(tmp_path / "run"), config)
     assert list((tmp_path / "run").iterdir()) == []
     # listed, it is read back and the run can be resumed
@@ -626,7 +626,7 @@ def test_a_law_needs_a_name():
     class Other(Linear):
         name = "exponential"
 
-    with pytest.raises(InvalidInput, match="would not be read back"):
+    with pytest.raises(InvalidInput, match="could not be read back"):
         parameters_to_toml(Parameters(law=Other()))
 
 
@@ -646,7 +646,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path,
     assert main(["run", "-o", str(folder)]) == 2
     assert "continue the run in it with --resume" in capsys.readouterr().err
     assert main(again) == 0
-    assert "had ended before its first checkpoint: it begins anew" in capsys.readouterr().err
+    assert "had ended before its first checkpoint; it restarts" in capsys.readouterr().err
     assert files_of(folder) == files_of(whole.folder)
     name = "timeseries.csv"
     assert (folder / name).read_bytes() == (whole.folder / name).read_bytes()

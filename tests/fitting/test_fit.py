@@ -249,7 +249,7 @@ def test_the_same_fit_has_the_same_bits():
 @pytest.mark.parametrize(
     ("free", "start", "message"),
     [
-        (["Dd"], P, "'Dd' is no parameter; allowed: .*; did you mean D?"),
+        (["Dd"], P, "unknown parameter 'Dd'; allowed: .*; did you mean D?"),
         ([], P, "free must name at least one parameter"),
         (["D", "D"], P, "free must name each parameter once"),
         (["alpha"], P, "a free parameter must not start at 0, alpha does"),
@@ -277,7 +277,7 @@ def test_values_beyond_all_measure_are_refused():
 def test_a_flow_of_the_other_sign_is_told():
     data = am.synthetic(P, {"u": 0.04})
     data["u"] = -data["u"]
-    assert "u is negative on the average" in repr(am.fit(data, ["v_p0"], P, starts=1).problems)
+    assert "u is negative on average" in repr(am.fit(data, ["v_p0"], P, starts=1).problems)
 
 
 def test_a_parameter_of_a_law_is_found():
@@ -298,5 +298,5 @@ def test_progress_tells_values_in_the_units_of_the_user():
 
 
 def test_units_need_parameters_with_units():
-    with pytest.raises(am.InvalidInput, match="start must have units where the data have"):
+    with pytest.raises(am.InvalidInput, match="start must have units because the data have"):
         am.fit({"theta [deg]": [30, 90], "u [um/s]": [0.1, 0.2]}, ["D"], P)

@@ -60,7 +60,10 @@ H = "theta [deg],u [um/s],u_error [um/s]\n"
         (H + "190,0.1,0.01\n", r"line 2, column 'theta \[deg\]': must be an angle from 0 to 180"),
         (H + "30,0.1\n", r"line 2: must have 3 entries as the headings have, got 2"),
         (H.replace(",", ";") + "30;0.1;0.01\n", r"line 1: entries must be separated by commas"),
-        ("theta [deg],w [um/s]\n3,4\n", r"line 1, column 'w \[um/s\]': 'w' is no column; allowed"),
+        (
+            "theta [deg],w [um/s]\n3,4\n",
+            r"line 1, column 'w \[um/s\]': unknown column 'w'; allowed",
+        ),
         ("theta [deg],C [1/um^2]\n3,4\n", r"did you mean c\?"),
         ("theta [deg],u [Pa]\n3,4\n", r"line 1, column 'u \[Pa\]': the unit must have the dimen"),
         ("theta [deg],u [um/s],c\n3,4,5\n", r"all quantities must have a unit, or none, 'c' has"),

@@ -73,7 +73,7 @@ def test_folder_of_a_run_and_surface_with_vectors(capsys, tmp_path):
         (["nowhere"], "there is no 'nowhere'"),
         (["--flow", "u"], "--flow needs a surface"),
         (["x.vtp", "--set", "D=0.4"], "leave them out"),
-        (["--set", "time.end=3"], "takes parameters alone"),
+        (["--set", "time.end=3"], "takes only parameters"),
         (["--in", "fluid:1 mPa s"], "need a cell with units"),
     ],
 )

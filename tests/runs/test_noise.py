@@ -168,7 +168,7 @@ def test_persistence_of_too_few_headings_is_refused(whole):
     with pytest.raises(am.InvalidInput, match="lag must be > 0"):
         whole.persistence(lag=-1.0)
     other = run(POLAR.replace(D=0.3), end=0.1)
-    with pytest.raises(am.InvalidInput, match="must be of one cell"):
+    with pytest.raises(am.InvalidInput, match="must have the same parameters"):
         am.persistence([whole, other])
 
 

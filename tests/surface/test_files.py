@@ -83,8 +83,8 @@ def test_a_path_that_is_no_file_is_rejected_by_name(tmp_path):
     os.mkfifo(tmp_path / "pipe.stl")
     for name, says in (
         ("missing.stl", "there is none"),
-        ("folder.stl", "no regular file"),
-        ("pipe.stl", "no regular file"),
+        ("folder.stl", "not a regular file"),
+        ("pipe.stl", "not a regular file"),
         ("cell.step", r"of type \.stl, \.ply, \.obj, \.vtp, got"),
         ("cell", "of type"),
         ("n" * 5000 + ".stl", "readable file"),
@@ -182,7 +182,7 @@ def test_compressed_and_too_large_files_are_rejected(tmp_path, monkeypatch):
         surface_file(str(tmp_path / "cell.stl.gz"), "initial.surface")
     monkeypatch.setattr(files, "MAX_FILE_SIZE", 1000)
     (tmp_path / "cell.stl").write_bytes(bytes(1001))
-    with pytest.raises(InvalidInput, match=r"larger than .* MiB, export it with fewer triangles"):
+    with pytest.raises(InvalidInput, match=r"larger than .* MiB; export it with fewer triangles"):
         surface_file(str(tmp_path / "cell.stl"), "initial.surface")
 
 

@@ -238,9 +238,9 @@ def test_a_file_that_is_no_frame_is_rejected(tmp_path):
         (None, fields, r"lacks c; a shape alone is given as initial\.surface"),
         (np.ones(len(r)), {"t": 1.0}, "lacks zeta0"),
         (np.ones(len(r)), {}, "lacks t, zeta0"),
-        (r, fields, "one finite number c >= 0"),
-        (-np.ones(len(r)), fields, "one finite number c >= 0"),
-        (np.full(len(r), np.nan), fields, "one finite number c >= 0"),
+        (r, fields, "a finite c >= 0"),
+        (-np.ones(len(r)), fields, "a finite c >= 0"),
+        (np.full(len(r), np.nan), fields, "a finite c >= 0"),
         (np.ones(len(r)), fields | {"zeta0": np.inf}, "finite tension"),
     ):
         data = {} if c is None else {"c": c}

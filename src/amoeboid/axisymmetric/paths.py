@@ -125,11 +125,11 @@ class Path:
                     what = (
                         "reaches zero"
                         if point.parameter <= 0
-                        else "meets states of higher symmetry"
+                        else "reaches states of higher symmetry"
                     )
                     raise Stalled(
                         f"the branch {what} between parameter = {anchor.parameter:.10g} and "
-                        f"{point.parameter:.10g}; the location was not found"
+                        f"{point.parameter:.10g}; the exact location was not found"
                     )
                 return anchor
             self.last = arcs[-1].b

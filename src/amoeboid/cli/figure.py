@@ -182,10 +182,10 @@ def _parameters(figure: Figure, args: argparse.Namespace, every: bool) -> Parame
         if name in figure.varies:
             if not every:
                 raise InvalidInput(
-                    f"--set must not set {name} for {figure.name}, which varies it itself, "
-                    f"got {setting!r}; leave it out"
+                    f"--set must not set {name} for {figure.name}, which varies it, got "
+                    f"{setting!r}; leave it out"
                 )
-            tell("figure", f"{figure.name} varies {name} itself: made without {setting!r}")
+            tell("figure", f"{figure.name} varies {name}; made without {setting!r}")
             settings.remove(setting)
     if not settings and not args.physical:
         return figure.parameters

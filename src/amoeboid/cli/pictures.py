@@ -30,7 +30,7 @@ def check_picture(path: Path | None) -> None:
         raise InvalidInput(f"--plot must lie in an existing folder, got {str(path)!r}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise InvalidInput(
-            f"--plot must lie in a folder that can be written to, got {str(path)!r}; choose another"
+            f"--plot must lie in a writable folder, got {str(path)!r}; choose another"
         )
 
 

@@ -168,7 +168,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     config = _until(with_settings(stored_config(args.resume), args.settings), args.until)
     if not has_checkpoint(args.resume):
         run, first = restarted_run(args.resume, config)
-        ended = f"the run in {args.resume} had ended before its first checkpoint: it begins anew"
+        ended = f"the run in {args.resume} had ended before its first checkpoint; it restarts"
         tell("run", ended)
         run.begin()
         return run, first
@@ -177,13 +177,13 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     if done is not None:
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; "
-            f"to go on, --set {remedy}"
+            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; to "
+            f"continue, --set {remedy}"
         )
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
         raise InvalidInput(
-            f"to go on with the run in {str(args.resume)!r} time.end must be > {least:.9g}, got "
+            f"to continue the run in {str(args.resume)!r}, time.end must be > {least:.9g}, got "
             f"{run.config.time.end:.9g}; --set time.end to a later time"
         )
     run.begin()
@@ -216,7 +216,7 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     from amoeboid.runs.words import stability
 
     meanings = {
-        "max_retrograde_speed": "fastest flow along the surface",
+        "max_retrograde_speed": "maximum retrograde speed",
         "c_front": "filament concentration at the front",
         "c_rear": "filament concentration at the rear",
         "zeta0": "membrane tension",

@@ -101,7 +101,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.merge is not None:
         return _merged(args)
     if args.document is None:
-        raise InvalidInput("sweep takes a file SWEEP.toml, or --merge DIR, got neither")
+        raise InvalidInput("sweep needs SWEEP.toml or --merge DIR, got neither; give one")
     if args.workers is not None and args.workers < 1:
         raise InvalidInput(f"--workers must be >= 1, got {args.workers}")
     document = _read(args.document)
@@ -109,7 +109,7 @@ def execute(args: argparse.Namespace) -> int:
         return _counted(args, document)
     folder = args.output or Path(args.document.stem)
     if folder == args.document:
-        raise InvalidInput(f"the folder must not have the name of the file, got {str(folder)!r}")
+        raise InvalidInput(f"the folder must differ from the file, got {str(folder)!r}")
     found = _computed(args, document, folder)
     return _told(args, found, folder)
 
@@ -157,7 +157,7 @@ def _executor(scheduler: str | None) -> Iterator[Any]:
         client = distributed.Client(scheduler, timeout=20)
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidInput(
-            f"--scheduler must be the address of a running scheduler of Dask, got {scheduler!r}: "
+            f"--scheduler must be the address of a running Dask scheduler, got {scheduler!r}: "
             f"{' '.join(str(error).split())}"
         ) from None
     with client:
@@ -184,13 +184,17 @@ def _merged(args: argparse.Namespace) -> int:
     from amoeboid.sweeps.result import load_sweep
 
     if args.document is not None:
-        raise InvalidInput(f"--merge takes the folder alone, got {str(args.document)!r} as well")
+        raise InvalidInput(
+            f"--merge takes only the folder, got {str(args.document)!r} as well; leave it out"
+        )
     found = load_sweep(args.merge)
     found.save(args.merge / TABLE)
     code = _told(args, found, args.merge)
     missing = len(found) - found.done
     if missing:
-        tell("sweep", f"{missing} of {len(found)} points are missing: shards that have not ended")
+        tell(
+            "sweep", f"{missing} of {len(found)} points are missing: some shards have not finished"
+        )
     return code or (FAILURE if missing else 0)
 
 

@@ -126,7 +126,7 @@ class RunFolder:
         """
         frames = within(self.folder, "frames")
         if frames.exists() and not frames.is_dir():
-            raise InvalidInput(f"{str(frames)!r} must be a folder, or not be there; remove it")
+            raise InvalidInput(f"{str(frames)!r} must be a folder or not exist; remove it")
         self._lock.take()
         remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
@@ -212,7 +212,7 @@ def new_folder(requested: Path | None) -> Path:
     try:
         requested.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput(f"the output folder cannot be made: {error}") from None
+        raise InvalidInput(f"the output folder cannot be created: {error}") from None
     return requested
 
 
@@ -224,7 +224,7 @@ def _numbered_folder() -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise InvalidInput(f"the output folder cannot be made: {error}") from None
+            raise InvalidInput(f"the output folder cannot be created: {error}") from None
         break
     return Path(name)
 
@@ -416,6 +416,6 @@ def _refuse_changes(made_with: Config, wanted: Config) -> None:
             was, is_ = before.get(name), now.get(name)
             if was != is_:
                 raise InvalidInput(
-                    f"--resume keeps [{section}] as it was, {name} = {was}, got {is_}; only "
-                    "time.* and output.* may change, start a new run for the rest"
+                    f"--resume keeps [{section}] unchanged, {name} = {was}, got {is_}; only "
+                    "time.* and output.* may change; start a new run for other changes"
                 )

@@ -60,7 +60,7 @@ def read_frame(path: Path, p: Parameters, inputs: Inputs | None = None) -> Frame
         return _frame(_arrays(data), p, inputs)
     except (ValueError, KeyError, IndexError, zlib.error, binascii.Error) as error:
         raise InvalidInput(
-            f"the frame {str(path)!r} must be one that a run has written: {error}"
+            f"the frame {str(path)!r} must be a frame that a run has written: {error}"
         ) from None
 
 
@@ -77,7 +77,7 @@ def _frame(arrays: dict[str, Array], p: Parameters, inputs: Inputs | None) -> Fr
         raise ValueError("its time and concentrations must be >= 0")
     faces: Index = arrays["connectivity"].reshape(-1, 3)
     if faces.dtype.kind != "i" or faces.min() != 0 or faces.max() != len(c) - 1:
-        raise ValueError("its triangles must be on its points")
+        raise ValueError("its triangles must refer to its points")
     model = Model(p, connectivity(faces)).driven(inputs)
     since = max((jump for jump in model.breaks if jump < t), default=0.0)
     model = model.at(t, since)
@@ -109,12 +109,12 @@ def _check_cell(
             f"{enclosed:g}"
         )
     if node_areas(r, faces).min() <= 0.0:
-        raise ValueError("its points must have areas > 0")
+        raise ValueError("the areas of its points must be > 0")
     if np.abs(np.einsum("vi,vi->v", normals, normals) - 1.0).max() > MAX_NORMAL_ERROR:
-        raise ValueError("its normals must have the length 1")
+        raise ValueError("its normals must have length 1")
     fastest = max(np.abs(v).max() for v in velocities)
     if fastest > ABSURD * model.rate * p.R0 or c.max() > ABSURD * max(p.c0, p.c_r):
-        raise ValueError("its velocities and concentrations must not be absurdly large")
+        raise ValueError("its velocities and concentrations are too large")
 
 
 def _arrays(data: bytes) -> dict[str, Array]:
@@ -156,7 +156,7 @@ def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:
     """The numbers of one array: a header of sizes, then its blocks."""
     (count,) = np.frombuffer(_decoded(body, start, 4), "<u4")
     if count > MAX_BYTES // 2**10:
-        raise ValueError("it announces too much")
+        raise ValueError("its declared size is too large")
     header = np.frombuffer(_decoded(body, start, 12 + 4 * int(count)), "<u4").astype(int)
     start += _encoded(12 + 4 * int(count))
     packed = _decoded(body, start, int(header[3:].sum()))
@@ -165,7 +165,7 @@ def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:
     for k, length in enumerate(header[3:]):
         wanted = last if last and k == count - 1 else size
         if wanted * count > 2 * MAX_BYTES:
-            raise ValueError("it announces too much")
+            raise ValueError("its declared size is too large")
         part = zlib.decompressobj().decompress(packed[place : place + length], wanted)
         if len(part) != wanted:
             raise ValueError("it is damaged")

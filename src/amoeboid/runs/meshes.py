@@ -54,12 +54,16 @@ class Surface:
         self.repair = repair
         if self.path is not None:
             if faces is not None:
-                raise InvalidInput("a surface must be a file or nodes and faces, got both")
+                raise InvalidInput(
+                    "a surface must be a file or nodes and faces, got both; leave one out"
+                )
             return
         if faces is None:
-            raise InvalidInput("a surface must be a file, or nodes and faces; faces are missing")
+            raise InvalidInput("a surface must be a file, or nodes and faces; add the faces")
         if repair:
-            raise InvalidInput("repair must be false for nodes and faces; save them as a file")
+            raise InvalidInput(
+                "repair must be false for nodes and faces; save them as a file to repair them"
+            )
         try:
             self.r, self.faces = np.array(r, dtype=float), np.array(faces)
         except (TypeError, ValueError) as error:

@@ -199,7 +199,9 @@ def _started_from(config: Config, mesh: Any, initial: Any) -> tuple[Config, Init
                 )
             given = given.as_initial(mesh or Icosphere(config.mesh.subdivisions))
         if cell is not None or "initial.surface" in changes:
-            raise InvalidInput("a run must have one initial shape, got a surface and a cell")
+            raise InvalidInput(
+                "a run must have one initial shape, got a surface and a cell; leave one out"
+            )
         changes, cell = {"initial.perturbation": config.initial.perturbation or 0.0}, given
     sections: dict[str, dict[str, Any]] = {}
     for name, value in changes.items():

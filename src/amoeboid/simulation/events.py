@@ -128,7 +128,7 @@ def reason(step: Step, events: Iterable[Event]) -> str | None:
             ends = bool(found)
         except Exception as error:  # of an array of several numbers, for one
             raise InvalidInput(
-                f"an event must give true, false or a text, {named(event)} gave "
+                f"an event must return true, false or a text, {named(event)} returned "
                 f"{str(found)[:100]!r}: {error}"
             ) from error
         if ends:
@@ -157,7 +157,9 @@ def times_of(given: Any, p: Parameters, name: str) -> tuple[float, ...]:
         raise InvalidInput(f"{name} must be a list of times, got {given!r}; write [{given!r}]")
     found = tuple(time_of(t, p, name) for t in given)
     if not found:
-        raise InvalidInput(f"{name} must name at least one time; leave them out for multiples")
+        raise InvalidInput(
+            f"{name} must hold at least one time, got none; leave it out to use the interval"
+        )
     return found
 
 
@@ -172,8 +174,8 @@ def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, 
     for event in events:
         if any(event is make for make in MAKERS):
             raise InvalidInput(
-                f"until must be an event, and {event.__name__} is the function that makes one: "
-                f"write amoeboid.{event.__name__}(...)"
+                f"until must be an event, got the function {event.__name__} that makes one; write "
+                f"amoeboid.{event.__name__}(...)"
             )
         if not callable(event):
             raise InvalidInput(

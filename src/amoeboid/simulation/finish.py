@@ -38,8 +38,8 @@ def solved_for(before: Step, step: Step) -> Step | None:
     model, state = step.model, step.state
     if model.cue is not None:
         raise InvalidInput(
-            'time.finish must be "wait" for a cell under a cue, got "solve": the cell must turn '
-            "with its nodes until it is aligned"
+            'time.finish must be "wait" under a cue, got "solve", because the cell '
+            "rotates until it is aligned; omit it"
         )
     if step.steady or awaited(model, state.t):
         return None

@@ -39,7 +39,7 @@ def start(config: Config, cell: InitialCell | None = None) -> Step:
             return _started(config, cell)
     except (StepFailed, SingularMatrix, FloatingPointError) as error:
         raise InvalidInput(
-            f"the parameters must allow a cell at rest to start from, these do not: {error}"
+            f"the parameters must allow an initial cell at rest, these do not: {error}"
         ) from None
 
 

@@ -127,7 +127,7 @@ class RecordedPath:
             reach = f"t = {self._times[-1]:g}" if self._times else "no time"
             raise InvalidInput(
                 f"the time series must record the path up to t = {t:g}, it reaches {reach} (in "
-                "numbers of the solver); choose frames before, or a format that follows the cell "
+                "numbers of the solver); choose earlier frames, or keep the cell in the center "
                 "(--follow)"
             )
         here = bisect_right(self._times, t) - 1

@@ -99,13 +99,13 @@ class Step:
         if self.growth_not_seen:
             return (
                 f"a growth rate of {self.growth:.3g} per unit time is predicted, but no growth "
-                "appeared; the mesh may be too coarse for it, or time.max_step too long for an "
+                "appeared; the mesh may be too coarse, or time.max_step too long for an "
                 "oscillation"
             )
         if abs(self.growth) <= self.growth_error:
             return (
                 f"the growth rate of the fastest perturbation, {self.growth:.3g} per unit time, "
-                f"is only known to {self.growth_error:.2g}"
+                f"is known only to +- {self.growth_error:.2g}"
             )
         return ""
 

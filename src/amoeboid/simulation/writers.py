@@ -68,7 +68,7 @@ def _times(writer: Any, due: bool | Iterable[float], begin: float, end: float) -
         times = [math.nan]
     if isinstance(due, str) or not all(begin <= t <= end for t in times):
         raise InvalidInput(
-            f"due(step) of a writer must give true, false or times from {begin:g} to {end:g}, "
-            f"{type(writer).__name__} gave {str(due)[:100]}"
+            f"due(step) of a writer must return true, false or times from {begin:g} to {end:g}, "
+            f"{type(writer).__name__} returned {str(due)[:100]}"
         )
     return times

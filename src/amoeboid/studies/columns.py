@@ -86,7 +86,7 @@ def with_units(p: Parameters, problems: Sequence[str], *names: str) -> tuple[str
     if p.units is None or not problems:
         return tuple(problems)
     units = ", ".join(f"{name} in units of {text(p, 1.0, p.dimension(name))}" for name in names)
-    return (*problems, f"numbers in these messages are those of the solver: {units}")
+    return (*problems, f"numbers in these messages are in the units of the solver: {units}")
 
 
 def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:

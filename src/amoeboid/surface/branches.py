@@ -169,11 +169,11 @@ def _next(
             after = _direction(reached, (found.q - past[-1].q) / scale)
             if after[0] @ before[0] / n + after[1] * before[1] >= MIN_COSINE:
                 return found, step
-            why = "it turns too sharply"
+            why = "the branch bends too sharply"
         except NotSteady as error:
             why = str(error)
         step *= 0.5
-    raise NotSteady(f"no step from {past[-1].q:.8g} on succeeds: {why}")
+    raise NotSteady(f"no step beyond {past[-1].q:.8g} succeeds: {why}")
 
 
 def _direction(x: Array, q: float) -> tuple[Array, float]:
@@ -217,7 +217,7 @@ def _fold_between(
         plane = Plane(origin.x + at * along, origin.q + at * slope, along, slope)
         found = cell_in_plane(iteration, z, q, plane, model_at, scale)
         places = sorted([*places, (at, found)], key=lambda one: abs(one[0] - at))[:3]
-    raise NotSteady(f"the fold near q = {b.q:.8g} is not found to the digits of its scale")
+    raise NotSteady(f"the fold near q = {b.q:.8g} could not be located to full precision")
 
 
 def _meets_sphere(before: Found, after: Found) -> bool:

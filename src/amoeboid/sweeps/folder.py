@@ -196,13 +196,13 @@ class SweepFolder:
             fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
         except BlockingIOError:
             raise InvalidInput(
-                f"the folder of a sweep must be used by one process at a time, another one is at "
-                f"work in {str(self.path)!r}; wait for it, choose another folder, or share the "
-                "work as shards (--shard 1/2 and --shard 2/2)"
+                "only one process at a time may use the folder of a sweep, another one uses "
+                f"{str(self.path)!r}; wait for it, choose another folder, or divide the work into "
+                "shards (--shard 1/2 and --shard 2/2)"
             ) from None
         except OSError as error:
             warnings.warn(
-                f"{str(path)!r} cannot be locked ({error}): let one process work in this folder",
+                f"{str(path)!r} cannot be locked ({error}); run only one process in this folder",
                 stacklevel=2,
             )
             return False
@@ -230,14 +230,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InvalidInput(
             f"the folder of a sweep must have a {MANIFEST}, {str(folder)!r} has none; give the "
-            "folder that amoeboid sweep wrote to"
+            "output folder of amoeboid sweep"
         )
     try:
         found = json.loads(text_of(path))
     except (OSError, ValueError, RecursionError) as error:
-        raise InvalidInput(f"{str(path)!r} must be the file of a sweep: {error}") from None
+        raise InvalidInput(f"{str(path)!r} must be the manifest of a sweep: {error}") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise InvalidInput(f"{str(path)!r} must be the file of a sweep, it is not")
+        raise InvalidInput(f"{str(path)!r} must be the manifest of a sweep, it is not")
     version = found.get("format_version")
     if not isinstance(version, int) or version > VERSION:
         raise InvalidInput(

@@ -263,7 +263,7 @@ def _labels(plan: Refinement, found: Sweep) -> list[Any]:
             if name not in values or isinstance(values[name], list):
                 single = [n for n, v in values.items() if not isinstance(v, list)]
                 raise InvalidInput(
-                    f"the label of a refinement must be recorded, with one value a point, got "
+                    "the label of a refinement must be recorded, with one value per point, got "
                     f"{name!r}; allowed: {', '.join(single)}"
                 )
         labels.append(tuple(values[name] for name in plan.label))
@@ -299,9 +299,9 @@ def _code(solver: Solver, key: str | None, needed: bool) -> str:
     except Unidentified as why:
         if key is None and needed:
             raise InvalidInput(
-                f"a solver must be known by its content where answers are kept in a folder, this "
-                f"one is not: {why}; write it as a function of a file, or give a key that you "
-                "change with it"
+                "results kept in a folder need a solver whose code can be identified, this one "
+                f"cannot be: {why}; define it in a file, or give a key that you change with the "
+                "solver"
             ) from None
         function = content(solver.function, _named)
     told = f"{function}\n{solver.record!r}\n{key!r}\n{version('amoeboid')}"
@@ -351,11 +351,11 @@ def _checked_shard(shard: Any, folder: Any, plan: Refinement | None) -> tuple[in
             f"shard must be (k, n), part k of n with 1 <= k <= n, got {shard!r:.100}"
         )
     if folder is None:
-        raise InvalidInput("a shard must have a folder, which all shards share; give one")
+        raise InvalidInput("a shard needs a folder that all shards share, got none; give one")
     if plan is not None:
         raise InvalidInput(
-            "a refinement cannot be made in shards: its points depend on all others; give workers "
-            "or an executor"
+            "a refinement cannot be divided into shards, because its points depend on each "
+            "other; use workers or an executor"
         )
     return int(shard[0]), int(shard[1])
 
