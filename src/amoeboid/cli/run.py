@@ -216,7 +216,7 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
     from amoeboid.runs.words import stability
 
     meanings = {
-        "max_retrograde_speed": "maximum retrograde speed",
+        "max_retrograde_speed": "fastest flow along the surface",
         "c_front": "filament concentration at the front",
         "c_rear": "filament concentration at the rear",
         "zeta0": "membrane tension",
