@@ -34,7 +34,7 @@ NOTHING = ("picture", "none")  # what the paper gives where it prints no number
 
 
 def rows():
-    """The rows of items in order (tables with a column `where`): dicts of cells by the heads of their table, and `section`."""
+    """The rows of tables with a column `where`, in order: dicts of cells by heads, and `section`."""
     found, heads, section = [], None, ""
     for line in PAGE.splitlines():
         if line.startswith("## "):
