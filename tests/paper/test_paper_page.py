@@ -34,7 +34,7 @@ NOTHING = ("picture", "none")  # what the paper gives where it prints no number
 
 
 def rows():
-    """The rows of tables with a column `where`, in order: dicts of cells by heads, and `section`."""
+    """The rows of tables with a column `where`, in order: dicts by heads, and their `section`."""
     found, heads, section = [], None, ""
     for line in PAGE.splitlines():
         if line.startswith("## "):
