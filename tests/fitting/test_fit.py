@@ -106,7 +106,7 @@ def test_a_change_of_units_is_named_as_such():
     (exact,) = found.undetermined
     assert exact.exact
     assert exact.powers == {"c0": 1.0, "c_r": 1.0}
-    assert exact.text.startswith("multiplying c0 by 2 and c_r by 2 changes no datum")
+    assert exact.text.startswith("multiplying c0 by 2 and c_r by 2 changes no predicted value")
     assert np.isinf(found.relative_errors["c0"])
     assert found.relative_errors["v_p0"] < 1
     assert np.isfinite(found.correlation).all()
@@ -252,13 +252,17 @@ def test_the_same_fit_has_the_same_bits():
         (["Dd"], P, "unknown parameter 'Dd'; allowed: .*; did you mean D?"),
         ([], P, "free must name at least one parameter"),
         (["D", "D"], P, "free must name each parameter once"),
-        (["alpha"], P, "a free parameter must not start at 0, alpha does"),
+        (
+            ["alpha"],
+            P,
+            "a free parameter must not start at 0 because it is varied by a factor, alpha does",
+        ),
         (
             ["D"],
             P.replace(v_p0=2.0),
-            r"v_p0 = 2 has none \(threshold 6.02566\); start a little above",
+            r"v_p0 = 2 has none \(threshold 6.02566\); choose v_p0 slightly above",
         ),
-        (["D"], am.Parameters.physical(), "u must have a unit where the parameters have"),
+        (["D"], am.Parameters.physical(), "u must have a unit because the parameters have"),
         (["D"], 0.4, "p must be amoeboid.Parameters"),
         (NAMES, P, "data must hold at least 4 values for D, v_p0, c0, beta, got 3"),
     ],

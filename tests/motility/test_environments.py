@@ -260,7 +260,7 @@ def test_units_of_a_physical_cell():
         ("channel:width=3", "channel takes"),
         (am.Fluid, "with parentheses"),
         (am.Fluid(-1.0), "must be >= 0"),
-        (am.Patch(30, axis=(0, 0, 1)), "across the polarity"),
+        (am.Patch(30, axis=(0, 0, 1)), "parallel to the polarity"),
     ],
 )
 def test_mistakes_are_rejected(figure_3d, environment, message):

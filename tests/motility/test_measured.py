@@ -103,7 +103,7 @@ def test_mistakes_are_rejected(sphere):
         (dict(front="z"), "front must be an array of numbers"),
         (dict(length="um", time="m"), "time must have the dimension T"),
         (dict(length="foo", time="s"), "length must be a number with a unit"),
-        (dict(r=flat), "2 of them have none"),
+        (dict(r=flat), "2 of them have area 0"),
     ]
     for changes, message in bad:
         with pytest.raises(am.InvalidInput, match=message):

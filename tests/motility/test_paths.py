@@ -123,7 +123,7 @@ def test_resumed_run_goes_on_with_the_same_bits(straight, tmp_path):
         for name in PATH_UNITS:
             assert np.array_equal(run[name], straight[name]), name
     config = with_settings(half.config, ["environment.medium=fluid", "time.end=8"])
-    with pytest.raises(am.InvalidInput, match=r"keeps \[environment\] as it was"):
+    with pytest.raises(am.InvalidInput, match=r"keeps \[environment\] unchanged"):
         resumed_run(tmp_path / "run", config)
 
 

@@ -145,11 +145,11 @@ def test_a_pickled_cell_keeps_its_growth_rate():
 
 def test_what_is_said_of_cells_in_physical_units_has_units():
     cell = am.Parameters.physical()
-    with pytest.raises(am.InvalidInput, match=r"v_p0 = 0.1 um/s or 0.2 um/s, there is none"):
+    with pytest.raises(am.InvalidInput, match=r"there is none at v_p0 = 0.1 um/s or 0.2 um/s"):
         am.branch(cell, "v_p0", "0.1 um/s", "0.2 um/s", mesh=am.Icosphere(1))
     found = am.steady_state(cell, mesh=am.Icosphere(1))
     found.__dict__["_growth"] = Growth(0.001, 0.5)
-    assert "perturbation, 0.0001 1/s, is only known to 0.05 1/s" in found.stability_problem
+    assert "perturbation, 0.0001 1/s, is known only to +- 0.05 1/s" in found.stability_problem
 
 
 @pytest.mark.slow

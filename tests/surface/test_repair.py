@@ -148,8 +148,8 @@ def repeated():
     ("make", "says"),
     [
         (inside_out, "oriented inward"),
-        (one_turned, "turned 1 triangles round"),
-        (turned_half, "turned 160 triangles round"),
+        (one_turned, "reversed 1 triangles"),
+        (turned_half, "reversed 160 triangles"),
         (sliver, "remeshed 162 points"),
         (unused, "removed 1 points"),
         (repeated, "removed 8 triangles"),
@@ -239,5 +239,5 @@ def test_too_many_points_for_a_repair_are_rejected(monkeypatch):
 
 
 def test_repair_needs_a_surface():
-    with pytest.raises(InvalidInput, match=r"^initial\.repair must be false where there is no"):
+    with pytest.raises(InvalidInput, match=r"^initial\.repair must be false without"):
         Initial(repair=True)

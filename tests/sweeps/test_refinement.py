@@ -80,7 +80,7 @@ def test_a_refined_sweep_is_continued(tmp_path):
     [
         (lambda: am.refine(am.paired(D=[1, 2]), "x"), "refine needs a grid"),
         (lambda: am.refine(am.grid(D=[1]), "x"), "at least two numbers"),
-        (lambda: am.refine(am.grid(D=[1, 3, 2]), "x"), "in their order"),
+        (lambda: am.refine(am.grid(D=[1, 3, 2]), "x"), "numbers in order"),
         (lambda: am.refine(am.grid(law=["inverse", "exponential"]), "x"), "at least two numbers"),
         (lambda: am.refine(am.grid(D=[1, 2]), "x", depth=0), "depth must be"),
         (lambda: am.refine(am.grid(D=[1, 2]), ()), "label must be a name"),

@@ -48,7 +48,7 @@ def test_a_branch_is_recorded_with_its_folds():
 def test_a_parameter_varied_by_the_sweep_and_by_the_answer_is_named():
     solver = functools.partial(am.branch, name="v_p0", end=6.5, max_step=0.4)
     found = am.sweep(am.grid(P, v_p0=[6.0]), solver)
-    assert "'v_p0', which is a name of the sweep" in found.failed[0].why
+    assert "'v_p0', which the sweep varies" in found.failed[0].why
 
 
 def test_runs_are_recorded_at_their_end_and_in_time_if_asked_for():
@@ -112,7 +112,7 @@ def test_arrays_of_different_length_are_padded():
         (object(), "real numbers"),
         ({}, "names of solver results"),
         ({1: 2}, "names of solver results"),
-        ({"why": 2}, "'why', which is a name of the sweep"),
+        ({"why": 2}, "'why', which the sweep varies"),
         ({"a": [1, "x"]}, "only numbers or only texts"),
         ({"a": [[1], [1, 2]]}, "1 dimensions, got more"),
         ({"a/b": 1.0}, "valid in NetCDF, without '/'"),
@@ -159,7 +159,7 @@ def test_a_point_that_means_something_else_fails_alone(tmp_path, answer, folder,
             cells, answer, executor=executor, points_per_task=points_per_task, folder=place, key="a"
         )
     assert found.counts == {"ok": 2, "failed": 1}
-    assert "'value' must mean the same at all points" in found.failed[0].why
+    assert "'value' must be of one kind at all points" in found.failed[0].why
     assert np.isfinite(found["value"].values[[0, 2]]).all()
     if place is not None:
         assert am.load_sweep(place).rows == found.rows

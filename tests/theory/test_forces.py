@@ -242,7 +242,7 @@ def test_a_cell_that_is_held_becomes_bipolar_where_it_sticks_to_what_holds_it():
         assert (first_mode(held).l == 2) == leads
         first, second = (float(critical_speed(held, l)) for l in (1, 2))
         assert (second < first) == leads
-    with pytest.raises(InvalidInput, match="mode 2 leads at every pressure"):
+    with pytest.raises(InvalidInput, match="mode 2 goes unstable first at every pressure"):
         critical_pressure(held)
 
 

@@ -105,7 +105,7 @@ def test_pint_quantities_are_taken_as_they_are_read():
         ({"v_p0": "1.7 * 10^-12 m/s"}, "powers must be whole numbers of one digit"),
         ({"v_p0": "0x10 um/s"}, "unit is unknown"),
         ({"v_p0": "1.7j um/s"}, "unit is unknown"),
-        ({"D": "0.03 um2/s"}, "unit is unknown, .* a square is um.2"),
+        ({"D": "0.03 um2/s"}, "unit is unknown, .* write squares as um.2"),
         ({"R0": "20 degC"}, "R0 must"),
         ({"R0": "(10 um"}, "R0 must be a number with a unit"),
         ({"R0": ""}, "it ends early"),
