@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_observables,
@@ -74,9 +74,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="stop after N points (default: 400)",
     )
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the branch (.png .pdf .svg)"
-    )
+    add_plot(parser, "the branch")
     parser.epilog = (
         "A branch in v_p0 starts where the homogeneous sphere loses stability to l = 1. A "
         "branch in any other parameter starts at the polarized states at --from, and where "
@@ -127,12 +125,13 @@ def execute(args: argparse.Namespace) -> int:
         say_parameters(p)
         _print_branch(found, names)
     code = 0 if found.complete else INCOMPLETE
-    if args.plot is None:
-        return code
-    from amoeboid.plotting import branches
 
-    succeeded = drawn("branch", args.plot, lambda path: branches.write_branch(found, path))
-    return code if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.branches import write_branch
+
+        write_branch(found, path)
+
+    return drawn("branch", args.plot, draw, code)
 
 
 def _mesh(subdivisions: int) -> Any:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_parameters,
@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--seed", type=whole, default=0, help="seed of the random starting points (default: 0)"
     )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the fit (.png .pdf .svg)")
+    add_plot(parser, "the fit")
     parser.epilog = (
         "columns of DATA.csv (entries may be empty):\n"
         "  theta [deg]               angle from the pole of --theta-from\n"
@@ -111,12 +111,13 @@ def execute(args: argparse.Namespace) -> int:
         print_json(_document(found, intervals))
     else:
         _say(data, p, found, intervals, args.level)
-    if args.plot is None:
-        return 0
-    from amoeboid.plotting import fits
 
-    succeeded = drawn("fit", args.plot, lambda path: fits.write_fit(found, path))
-    return 0 if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.fits import write_fit
+
+        write_fit(found, path)
+
+    return drawn("fit", args.plot, draw)
 
 
 def _bounds(text: str) -> tuple[str, tuple[Any, Any]]:

@@ -6,7 +6,7 @@ import argparse
 
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE
-from amoeboid.cli.settings import path, print_json
+from amoeboid.cli.settings import add_json, path, print_json
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,9 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file for the picture (.png; default: RUN/cell.png)",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print only one JSON object on standard output"
-    )
+    add_json(parser)
     parser.epilog = (
         "Observables are those of the last cell. Numbers are in the units of the run: um, s, "
         "... if its parameters have physical units.\n"
