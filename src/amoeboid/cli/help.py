@@ -9,6 +9,7 @@ import textwrap
 ENTRY = re.compile(r"(?P<term> *\S.*?\S? {2,})(?P<meaning>\S(?:(?! {2}).)*)")
 MIN_MEANING = 30  # columns; where fewer remain beside the term, the meaning is set below it
 BELOW = 4  # further indent of a meaning below its term
+EXAMPLE = "  amoeboid "  # a line that begins so can be pasted: it is left as it is
 
 
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
@@ -29,6 +30,8 @@ def wrapped(line: str, width: int, indent: str = "") -> str:
       a     its meaning in a few words,
             which continue below themselves
     """
+    if line.startswith(EXAMPLE):
+        return indent + line
     entry = ENTRY.fullmatch(line)
     if entry is None:
         own = indent + line[: len(line) - len(line.lstrip())]
