@@ -84,7 +84,7 @@ class LiveCell:
                 with one_thread:
                     self._before, self._step = self._step, next_step(self._step, self._time)
             except (Diverged, InvalidInput, ArithmeticError) as error:
-                self.problem = f"the run cannot go on: {error}"
+                self.problem = f"the run cannot continue: {error}"
             if time.monotonic() - began > budget:
                 break
         self.shown_t = min(wanted, self._step.state.t)
