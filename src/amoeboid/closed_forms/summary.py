@@ -1,4 +1,4 @@
-"""What the closed forms say about one parameter point, with reasons where they say nothing."""
+"""What the closed forms say about one parameter point, with the reasons for missing results."""
 
 from __future__ import annotations
 

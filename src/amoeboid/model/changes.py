@@ -196,7 +196,7 @@ def ramp(*points: tuple[float, float]) -> Ramp:
 def smooth(f: Callable[[float], float], until: float = math.inf) -> Smooth:
     """A parameter that follows a smooth function f of time [T], constant from `until` on.
 
-    Raises InvalidInput for what is no function.
+    Raises InvalidInput for a value that is not a function.
 
     >>> smooth(lambda t: 6.0 / (1.0 + t), until=5.0).at(7.0, since=6.5, given=3.8)
     1.0

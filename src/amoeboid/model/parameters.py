@@ -434,7 +434,7 @@ def _own_units(si: Mapping[str, float]) -> Units:
 
 
 def refuse_no_parameters(found: Any) -> None:
-    """Raise InvalidInput for what is no Parameters, telling where its parameters may be."""
+    """Raise InvalidInput for anything but Parameters, and tell where its parameters may be."""
     if not isinstance(found, Parameters):
         own = isinstance(getattr(found, "parameters", None), Parameters)
         remedy = "; give its .parameters" if own else ""

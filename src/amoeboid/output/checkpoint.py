@@ -1,4 +1,4 @@
-"""The checkpoint of a run: all that it goes on from, bit for bit.
+"""The checkpoint of a run: all that it continues from, bit for bit.
 
 NumPy arrays, never pickled objects. A file may be damaged or made up: what is read must be a step
 that this program could have written, or it is refused.

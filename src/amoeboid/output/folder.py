@@ -6,7 +6,7 @@
     timeseries.csv       one row an accepted step, of the explicit scheme one a frame
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
-    checkpoint.npz       what `--resume` goes on from
+    checkpoint.npz       what `--resume` continues from
     .lock                while a process writes to the folder, see `amoeboid.output.lock`
 
 Files are written under a temporary name and renamed, so that a killed run leaves none of them
@@ -154,7 +154,7 @@ class RunFolder:
     @contextmanager
     def failure_recorded(self) -> Iterator[None]:
         """Note in the manifest that something has ended the run (a full disk, an observable that
-        raises), if that is still possible; the exception goes on."""
+        raises), if that is still possible; the exception continues."""
         try:
             yield
         except BaseException as error:
@@ -312,7 +312,7 @@ def resumed_run(
     writers: Iterable[Any] = (),
     observe: Iterable[str] | None = None,
 ) -> tuple[RunFolder, Step]:
-    """A stored run, ready to go on, and the step it stopped at; writes nothing.
+    """A stored run, ready to continue, and the step it stopped at; writes nothing.
 
     Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
     """

@@ -83,7 +83,7 @@ def _numbers(arrays: dict[str, Array], name: str, shape: tuple[int, ...]) -> Arr
 def _check_cell(
     model: Model, r: Array, c: Array, velocities: tuple[Array, ...], normals: Array
 ) -> None:
-    """Raise ValueError for what is no cell of these parameters, or is absurd."""
+    """Raise ValueError for a value that is not a cell of these parameters, or is absurd."""
     p = model.parameters
     if np.abs(r).max() > MAX_EXTENT * p.R0:
         raise ValueError(f"its points must lie within {MAX_EXTENT:g} R0")

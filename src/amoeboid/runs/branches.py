@@ -69,7 +69,7 @@ def branch(
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
     `steady_state` that has a mesh; or a bifurcation of such a branch within the window, the branch
     that leaves there: circles and helices. Another parameter may be followed from there, with those
-    of its state for p. It is followed through folds until it leaves the window, meets the sphere,
+    of its state for p. It is followed through folds until it leaves the window, reaches the sphere,
     or circles become straight. `stability`: find the growth rates of all cells, and where stability
     is gained or lost; False saves most of the time. With physical parameters, the ends are
     quantities such as "2 um/s". `max_step` is the longest step along the branch, `max_points` the

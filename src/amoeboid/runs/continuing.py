@@ -27,7 +27,7 @@ def ended_by(config: Config, until: Any) -> tuple[Config, tuple[Event, ...]]:
 
 
 def least_end(first: Step, time: Time) -> float:
-    """The time [T] that a run which stands at a step must at least go on to; exclusive."""
+    """The time [T] that a run which stands at a step must at least continue to; exclusive."""
     return first.state.t + shortest_step(Config(parameters=first.model.parameters, time=time))
 
 

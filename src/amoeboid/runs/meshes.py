@@ -46,7 +46,7 @@ class Surface:
 
     Nodes r (V, 3) in any unit of length (the run scales them to the area of the membrane), faces
     (F, 3) that look outward. `repair` lets a file be mended, as `initial.repair`. Raises
-    InvalidInput for what is no closed surface without handles.
+    InvalidInput for a value that is not a closed surface without handles.
     """
 
     def __init__(self, r: Any, faces: Any = None, *, repair: bool = False) -> None:
@@ -102,7 +102,7 @@ class Surface:
 def placed_on(mesh: Any, config: Config) -> tuple[dict[str, Any], InitialCell | None]:
     """Changes of the configuration for a mesh, {section.field: value}, or the cell to start as.
 
-    Raises InvalidInput for what is no mesh.
+    Raises InvalidInput for a value that is not a mesh.
     """
     if isinstance(mesh, Icosphere):
         return {"mesh.subdivisions": mesh.subdivisions}, None

@@ -153,7 +153,7 @@ def simulate(
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
-    The solution of a run that cannot go on has the status "diverged"; its steps are good. Ctrl-C
+    The solution of a run that cannot continue has the status "diverged"; its steps are good. Ctrl-C
     ends a run after the present step with a KeyboardInterrupt that has the run up to there as
     `solution`; a second one ends it at once. Raises InvalidInput.
     """

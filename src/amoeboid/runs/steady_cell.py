@@ -310,7 +310,7 @@ def started(p: Parameters, mesh: Any, start: Any, argument: str = "start") -> tu
 
     `argument`: what users call the start.
 
-    Raises InvalidInput for what is no start, and for a mesh beside a start that has one.
+    Raises InvalidInput for a value that is not a start, and for a mesh beside a start that has one.
     """
     if start is None:
         start = _known(p)

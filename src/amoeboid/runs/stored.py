@@ -143,7 +143,7 @@ class StoredRun(Run):
 
     @cached_property
     def last(self) -> Step:
-        """The step of the checkpoint, from which `resume` goes on. Raises InvalidInput."""
+        """The step of the checkpoint, from which `resume` continues. Raises InvalidInput."""
         path = self.folder / "checkpoint.npz"
         if not path.is_file():
             raise InvalidInput(

@@ -3,7 +3,7 @@
 Whenever the rate of change of the cell, in axes that rotate with it, falls below another power of
 ten from NEAR on, the steady cell next to it is sought by the iteration of `surface.steady`. It
 replaces the state of the step if it is near, and if every perturbation of it is known to decay.
-Otherwise the run goes on as if nothing had been tried. All of that follows from two steps, so that
+Otherwise the run continues unchanged. All of that follows from two steps, so that
 a resumed run does the same.
 """
 

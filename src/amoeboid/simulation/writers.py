@@ -1,7 +1,7 @@
-"""What is kept or written while a run goes on: writers that are asked at every step.
+"""What is kept or written during a run: writers, which are asked at every step.
 
 A writer of your own is any object with the two methods of `Writer`; `simulate(..., writers=[...])`
-takes it. One that has a method `finish(step)` is told the last step of the run.
+takes it. One that has a method `finish(step)` is called with the last step of the run.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ class Branch:
 
     @property
     def thresholds(self) -> Any:
-        """Values of the parameter at which the branch leaves or meets the sphere, an array."""
+        """Values of the parameter at which the branch leaves or reaches the sphere, an array."""
         return quantity(
             self.parameters, np.array(self.origins), self.parameters.dimension(self.name)
         )

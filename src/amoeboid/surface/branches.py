@@ -23,7 +23,7 @@ from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_pla
 
 # After a step of few iterations the next one is longer by this factor, after one of many shorter.
 FEW, LONGER, MANY, SHORTER = 16, 1.5, 45, 0.7
-# A step that led to where none goes on is repeated with this share of it.
+# A step that led to where none continues is repeated with this share of it.
 REPEATED = 0.3
 # One step may turn away from the one before by an angle with at least this cosine.
 MIN_COSINE = 0.8
@@ -79,7 +79,7 @@ def branch_from(
 ) -> Followed:
     """The branch from `first` through `second` until it leaves the window or only repeats itself.
 
-    Mirror images follow where it meets the sphere, and where circles meet straight cells.
+    Mirror images follow where it reaches the sphere, and where circles meet straight cells.
     """
     low, high = sorted(window)
     points, folds = [(0.0, first)], list[tuple[float, Found]]()

@@ -1,7 +1,7 @@
 """One explicit step, the algorithm of the paper (SI, numerical procedure), for comparison.
 
 Euler's method with a fixed step. Conjugate gradients give the cortex velocity and the tension under
-the linear constraint that the area changes by what it still lacks, (A0 - A)/dt; they start from
+the linear constraint that the area changes by the missing amount, (A0 - A)/dt; they start from
 the flow of the previous step. Nodes move with the full velocity v, so that the concentration obeys
 the Lagrangian balance dc/dt = -(div_s v) c + D lap_s c + beta (c0 - c); the advective form printed
 beside the algorithm would count v.grad c twice. Then the nodes are moved back along the surface,

@@ -1,4 +1,4 @@
-"""Steady cells on a mesh, solved for by accelerated iterations instead of waited for in a run.
+"""Steady cells on a mesh, solved for by accelerated iterations, without a run.
 
 The fixed points of `relative_equilibrium.ImplicitMap` are found with Anderson acceleration. Along a
 branch the parameter q joins the unknowns x, and a plane is given that holds (x, q):

@@ -299,7 +299,7 @@ def _written(name: str, entry: Recorded) -> tuple[Any, str]:
 
 
 def _without_number(number: float) -> str | None:
-    """Infinity as a text, which `float` reads; nothing for what is no number."""
+    """Infinity as a text, which `float` reads; nothing for a value that is not a number."""
     return None if math.isnan(number) else repr(number)
 
 

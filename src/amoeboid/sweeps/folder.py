@@ -243,7 +243,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 IDENTITY = ("solver", "record", "base")
-"""What makes a sweep: a folder goes on with other points, not with another one of these."""
+"""What makes a sweep: a folder continues with other points, not with another one of these."""
 
 
 def _refuse_another(wanted: Mapping[str, Any], found: Mapping[str, Any], folder: Path) -> None:

@@ -56,7 +56,7 @@ def sweep(
     key: str | None = None,
     progress: Any = None,
 ) -> Sweep:
-    """The answers of a solver at many points; a point that fails is named, and the rest goes on.
+    """The answers of a solver at many points; a point that fails is named, and the rest continues.
 
     `points`: what `grid`, `paired`, `sobol` or `refine` make, or a list of parameters. `solver`: a
     function of Parameters, such as `amoeboid.theory`, `steady_states`, `branch`, `simulate`, or one
@@ -69,7 +69,7 @@ def sweep(
     same bits. `points_per_task`: found from their time if left out.
 
     `folder`: where each answer is kept at once, and the table in the end (`sweep.nc`); the same
-    call goes on where an earlier one was stopped, also with more points. Answers of another version
+    call continues where an earlier one stopped, also with more points. Answers of another version
     of the code are computed anew. `shard=(3, 10)` computes the third of ten parts of the points, in
     a folder that all parts share; `load_sweep` reads them together. `retry`: compute points again
     that failed. `key`: a text that tells your function from others, if it is not in a file.
@@ -107,7 +107,7 @@ def sweep(
             found = run.made(first, report) if plan is None else _refined(run, plan, report)
     except KeyboardInterrupt as stop:
         if place is not None:
-            stop.add_note(f"what is done is kept in {str(place)!r}; the same call goes on")
+            stop.add_note(f"what is done is kept in {str(place)!r}; the same call continues")
         raise
     if place is not None and part == WHOLE:
         found.save(place / TABLE)
