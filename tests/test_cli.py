@@ -403,7 +403,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         ),
         (
             Rest(0.0, Growth(0.004, 0.001)),
-            "steady but unstable: a perturbation grows, slowly, at 0.004 +- 0.001 per",
+            "steady but unstable: a perturbation grows slowly, at 0.004 +- 0.001 per",
         ),
         (
             Rest(0.0, Growth(0.2, 0.01)),

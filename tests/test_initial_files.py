@@ -213,7 +213,7 @@ def test_a_repaired_surface_runs_and_what_was_changed_is_told(project, tmp_path,
     whole = json.loads(out)
     manifest = json.loads((tmp_path / "a/manifest.json").read_text())
     assert manifest["initial_shape"] == whole["initial_shape"]
-    assert any("turned" in change for change in manifest["initial_shape"]["repairs"])
+    assert any("reversed" in change for change in manifest["initial_shape"]["repairs"])
     # the folder repeats it from its copy of the file as it was given
     assert "repair = true" in (tmp_path / "a/config.toml").read_text()
     assert main(["run", str(tmp_path / "a/config.toml"), "--json", "-o", str(tmp_path / "b")]) == 0

@@ -292,7 +292,7 @@ def test_change_that_no_file_can_hold_runs_in_python_alone(tmp_path):
     config = config_of(changes={"v_p0": math.exp}, end=0.02)
     assert steps_of(config)[-1].model.parameters.v_p0 == math.exp(0.02)
     with pytest.raises(
-        am.InvalidInput, match=r"changes.v_p0: .*smooth\(exp\) exists only in Python"
+        am.InvalidInput, match=r"changes.v_p0: .*smooth\(exp\), which exists only in Python"
     ):
         new_run(tmp_path / "run", config)
     assert not (tmp_path / "run").exists()

@@ -161,16 +161,16 @@ def test_settings_may_stand_in_any_order(order):
 
 
 MISTAKES = [
-    ([f"law={HILL}"], "must have a value of 'n', got none"),
+    ([f"law={HILL}"], "needs a value of 'n', got none"),
     (["law.n=3"], "'exponential' has no parameter 'n', it has none"),
     ([f"law={HILL}", "law.n=3", "law.m=3"], "has no parameter 'm', it has n"),
     ([f"law={HILL}", "law.n=x"], "law.n must be a finite number, got 'x'"),
     ([f"law={HILL}", "law.n=inf"], "law.n must be a finite number, got inf"),
     ([f"law={HILL}", "law.n=true"], "law.n must be a finite number, got True"),
     (["law=v_p0*exp(-c) + exp", "law.exp=1"], "'exp' is not allowed"),
-    (["stress=chi*c"], "the stress 'chi*c' must have a value of 'chi'"),
+    (["stress=chi*c"], "the stress 'chi*c' needs a value of 'chi'"),
     (["stress=chi", "stress.chi=1"], "stress must be one of none, saturating or an expression"),
-    (["stress=v_p0*c"], "must have a value of 'v_p0'"),
+    (["stress=v_p0*c"], "needs a value of 'v_p0'"),
     (["stress.chi=1"], "'none' has no parameter 'chi'"),
     (["stress=saturating", "stress.k=1"], "unknown parameter 'k' of the stress"),
     (["stres.chi=1"], "unknown section 'stres'"),
@@ -328,7 +328,7 @@ def test_a_function_that_takes_no_arrays_is_refused_with_the_remedy():
         Parameters(law=lambda c: c)
     with pytest.raises(InvalidInput, match="must be one number for each c"):
         Parameters(law=lambda c, v_p0, c_r: np.ones(5)).v_p(np.ones(3))
-    with pytest.raises(InvalidInput, match="must have a value of 'n'"):
+    with pytest.raises(InvalidInput, match="needs a value of 'n'"):
         Parameters(law=lambda c, v_p0, c_r, n: c**n)
 
 

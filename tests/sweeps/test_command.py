@@ -143,7 +143,7 @@ def test_random_points_and_refinement(capsys):
         ("D = 0.4", "E = 0.4", r"\[base\]: unknown parameter 'E'"),
         ("c0 = [3, -1]", "c0 = 3", r"\[vary\]: the values of c0 must be a list"),
         ("c0 = [3, -1]", "c0 = {linspace = 3}", r"\[vary\]: linspace of c0 must be"),
-        ("[vary]", "[sobol]\nseed = 1\n[vary]", r"\[sobol\] must have count"),
+        ("[vary]", "[sobol]\nseed = 1\n[vary]", r"\[sobol\] needs count"),
         ("[vary]", "[refine]\nlabel = 3\n[vary]", r"\[refine\]: label must be a name"),
         ('names = ["threshold"]', 'names = "x"', r"\[record\] names must be a list of names"),
         ("[base]", "[base", "'a.toml' must be valid TOML"),
