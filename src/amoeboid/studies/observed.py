@@ -31,7 +31,7 @@ def names_of(p: Parameters) -> tuple[str, ...]:
 def checked(wanted: Iterable[str]) -> tuple[str, ...]:
     """Names of observables. Raises InvalidInput for one that no axisymmetric state has."""
     found = tuple(wanted)
-    refuse_unknown(found, names(), "observable of an axisymmetric state")
+    refuse_unknown(found, names(), "observable", "of an axisymmetric state")
     return found
 
 
