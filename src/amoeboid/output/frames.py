@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Mapping, Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 from zlib import crc32
 
 import numpy as np
@@ -21,6 +21,8 @@ from amoeboid.surface.cell import SurfaceCell
 
 # How the arrays of a frame are stored: as they are, behind the text of the file.
 HEADER = 'byte_order="LittleEndian" header_type="UInt64"'
+# else readers of XML make them spaces
+_SPACES = {ord(space): f"&#{ord(space)};" for space in "\t\n\r"}
 APPENDED = '<AppendedData encoding="raw">'
 CHECKSUM = "<!-- crc32 of the arrays: {:08x} -->"
 
@@ -178,4 +180,5 @@ def collection(frame_times: list[tuple[float, str]], where: str = "frames/") -> 
 
 
 def _entry(t: float, name: str, where: str = "frames/") -> str:
-    return f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"{where}{name}")}/>\n'
+    file = escape(f"{where}{name}").translate(_SPACES)
+    return f'    <DataSet timestep="{t!r}" part="0" file="{file}"/>\n'
