@@ -21,6 +21,8 @@ def real_harmonic(degree: int, order: int, directions: ArrayLike) -> Array:
     """
     l, m = degree, order  # noqa: E741
     vectors = np.asarray(directions, dtype=float)
+    largest = np.abs(vectors).max(axis=-1, keepdims=True)  # its square may be too small a number
+    vectors = vectors / np.where(largest > 0, largest, 1.0)
     distance = np.linalg.norm(vectors, axis=-1)
     x, y, z = np.moveaxis(vectors, -1, 0) / np.where(distance > 0, distance, 1.0)
     wave = (x + 1j * y) ** abs(m)  # sin(theta)^|m| exp(i |m| phi)
