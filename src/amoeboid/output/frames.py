@@ -3,16 +3,9 @@
 from __future__ import annotations
 
 from array import array
-<<<<<<< HEAD
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from pathlib import Path
-from zlib import crc32
-=======
-from collections.abc import Sequence
-from pathlib import Path
-from xml.sax.saxutils import quoteattr
->>>>>>> main
 
 import numpy as np
 
@@ -25,16 +18,9 @@ from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
 from amoeboid.surface.cell import SurfaceCell
 
-<<<<<<< HEAD
-# How the arrays of a frame are stored: as they are, behind the text of the file.
-HEADER = 'byte_order="LittleEndian" header_type="UInt64"'
 # else readers of XML make them spaces
 _SPACES = {ord(space): f"&#{ord(space)};" for space in "\t\n\r"}
-APPENDED = '<AppendedData encoding="raw">'
-CHECKSUM = "<!-- crc32 of the arrays: {:08x} -->"
 
-=======
->>>>>>> main
 
 class FrameFiles:
     """Writes the frames that are due, by a schedule; see `amoeboid.simulation.writers`."""
