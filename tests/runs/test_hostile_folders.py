@@ -17,9 +17,9 @@ from amoeboid.cli.main import main
 from amoeboid.config import config_to_toml
 from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.output import lock, reading
-from amoeboid.output.folder import FORMAT
 from amoeboid.output.frame_reader import read_frame
 from amoeboid.output.frames import FrameFiles, collection, frame_arrays
+from amoeboid.output.manifest import FORMAT
 from amoeboid.simulation.dense_output import Schedule
 from runs import damage
 

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
-from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Material, Parameters
+from amoeboid.model.material import Material
+from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters
 from amoeboid.model.polymerization import Law
 from amoeboid.model.stress import Stress
 from amoeboid.validation import InvalidInput, refuse_unknown, rule

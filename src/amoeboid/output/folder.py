@@ -18,12 +18,11 @@ from __future__ import annotations
 
 import itertools
 import json
-import math
 import platform
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import asdict, fields, replace
+from dataclasses import asdict, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -37,11 +36,17 @@ from amoeboid.config import (
     resolved,
 )
 from amoeboid.meshes.cells import InitialCell
-from amoeboid.model.units import Units
 from amoeboid.output.atomic import remove_partial, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
 from amoeboid.output.frames import FrameFiles, write_initial
 from amoeboid.output.lock import FolderLock
+from amoeboid.output.manifest import (
+    FORMAT,
+    adapted_shape,
+    stored_manifest,
+    stored_units,
+    unit_sizes,
+)
 from amoeboid.output.reading import checked as checked_file
 from amoeboid.output.reading import text_in, within
 from amoeboid.output.timeseries import TimeSeriesFile
@@ -54,15 +59,8 @@ from amoeboid.simulation.writers import checked, finish, take
 from amoeboid.surface.initial import Adaptation
 from amoeboid.validation import InvalidInput
 
-FORMAT = 1
-"""Version of what a folder holds, as its manifest tells. It rises when an older program would read
-something wrong, or not at all; folders without it are of version 1."""
-
 MAX_LISTED = 100_000
 """Frames that the manifest lists; of more, frames.pvd does."""
-
-MAX_WORDS = 2000
-"""Characters of a text of the manifest."""
 
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
@@ -290,7 +288,7 @@ def stored_config(folder: Path) -> Config:
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
     config = config_from_toml(text_in(folder, "config.toml"), repr(str(path)))
-    units = _unit_sizes(stored_manifest(folder))
+    units = unit_sizes(stored_manifest(folder))
     return replace(config, parameters=replace(config.parameters, units=units))
 
 
@@ -334,84 +332,11 @@ def resumed_run(
             "frames with --set initial.from_frame=PATH"
         ) from None
     _refuse_changes(resolved(saved.config), resolved(config))
-    run.adapted = _adapted(manifest)
+    run.adapted = adapted_shape(manifest)
     run.frames.continued(saved.frame_times, saved.step.state.t)
     run.checkpoint.schedule.latest = saved.step.state.t
     run._last = saved.step
     return run, saved.step
-
-
-def stored_manifest(folder: Path) -> dict[str, Any]:
-    """What the manifest of a stored run says, empty if it is missing or damaged.
-
-    Raises InvalidInput for a folder of a newer version, and for a manifest that is too large or
-    leads out of the folder.
-    """
-    try:
-        text = text_in(folder, "manifest.json")
-    except OSError:
-        return {}
-    try:
-        found = json.loads(text)
-    except (ValueError, RecursionError):
-        return {}
-    found = found if isinstance(found, dict) else {}
-    _check_format(folder, found)
-    return found
-
-
-def _check_format(folder: Path, manifest: dict[str, Any]) -> None:
-    given = manifest.get("format", 1)
-    if isinstance(given, bool) or not isinstance(given, int) or given < 1:
-        raise InvalidInput(
-            f"the format in the manifest of {str(folder)!r} must be a whole number >= 1, got "
-            f"{str(given)[:40]}"
-        )
-    if given > FORMAT:
-        versions = manifest.get("versions")
-        by = versions.get("amoeboid") if isinstance(versions, dict) else None
-        raise InvalidInput(
-            f"the format of a run must be at most {FORMAT} for this version of amoeboid, that of "
-            f"{str(folder)!r} is {str(given)[:40]}, written by amoeboid {str(by)[:40]}; install "
-            "that version, or a newer one"
-        )
-
-
-def told(manifest: dict[str, Any], name: str, instead: str) -> str:
-    """A text of a manifest, as files and terminals take it; `instead` where it has none."""
-    found = manifest.get(name)
-    if not isinstance(found, str):
-        return instead
-    return found[:MAX_WORDS].replace("\0", "").encode(errors="replace").decode()
-
-
-def stored_units(manifest: dict[str, Any]) -> dict[str, str | None]:
-    """Dimensions of the columns of a stored time series, as far as its manifest has them."""
-    found = manifest.get("units")
-    found = found if isinstance(found, dict) else {}
-    return {str(name): unit for name, unit in found.items() if isinstance(unit, str)}
-
-
-def _unit_sizes(manifest: dict[str, Any]) -> Units | None:
-    """Size of the units of a stored run, if its parameters had been given in physical ones."""
-    sizes = manifest.get("unit_sizes")
-    names = [f.name for f in fields(Units)]
-    if not isinstance(sizes, dict) or set(sizes) != set(names):
-        return None
-    numbers = [sizes[name] for name in names]
-    known = all(isinstance(x, float) and 0.0 < x < math.inf for x in numbers)
-    return Units(**sizes) if known else None
-
-
-def _adapted(manifest: dict[str, Any]) -> dict[str, Any] | None:
-    """What was done to the initial shape of a stored run, if its manifest has it."""
-    shape = manifest.get("initial_shape")
-    if not isinstance(shape, dict) or not {"repairs", "scaling"} <= shape.keys():
-        return None
-    repairs, scaling = shape["repairs"], shape["scaling"]
-    texts = [*repairs, scaling or ""] if isinstance(repairs, list) else [None]
-    whole = all(isinstance(value, str) for value in texts)
-    return {"repairs": repairs, "scaling": scaling} if whole else None
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:

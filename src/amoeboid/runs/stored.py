@@ -16,14 +16,9 @@ from amoeboid.config import Config, resolved
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.checkpoint import read_checkpoint
-from amoeboid.output.folder import (
-    resumed_run,
-    stored_config,
-    stored_manifest,
-    stored_units,
-    told,
-)
+from amoeboid.output.folder import resumed_run, stored_config
 from amoeboid.output.frame_reader import read_frame
+from amoeboid.output.manifest import stored_manifest, stored_units, told
 from amoeboid.output.reading import checked, text_in, within
 from amoeboid.output.timeseries import read_table
 from amoeboid.runs.advance import INTERRUPTED, advance_in_folder
