@@ -1,6 +1,7 @@
 """Modes l of the homogeneous sphere: tension, drive, flow and shape, with friction and bending.
 
-Notation and units as in `amoeboid.closed_forms.linear`, which follows from these.
+Notation is that of `amoeboid.closed_forms.linear`, whose results follow from these (docs/theory.md,
+docs/forces.md). Results have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations
@@ -119,7 +120,7 @@ def push_share(p: Points) -> Array:
 
 
 def density_slope(p: Points) -> Array:
-    """m'(c0), what the friction of the cortex changes by with c."""
+    """m'(c0), what the friction of the cortex changes by with c [L^2/N]."""
     return p.gamma_share / np.where(p.c0 > 0, p.c0, 1.0)
 
 
@@ -177,9 +178,9 @@ def held_pressure(p: Points, L: ArrayLike) -> Array:
 
 
 def degree(l: ArrayLike, lowest: int = 1) -> Array:
-    """L = l(l+1) of whole numbers l >= lowest."""
-    degree = np.asarray(l)
-    good = degree.dtype.kind in "iu" and bool(np.all(degree >= lowest))
+    """L = l(l+1) of whole numbers l >= `lowest` [1]. Raises InvalidInput for others."""
+    given = np.asarray(l)
+    good = given.dtype.kind in "iu" and bool(np.all(given >= lowest))
     if not good:
         raise InvalidInput(f"l must be a whole number >= {lowest}, got {l!r}")
-    return degree.astype(float) * (degree + 1)
+    return given.astype(float) * (given + 1)
