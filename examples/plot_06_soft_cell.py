@@ -2,8 +2,7 @@
 A soft cell
 ===========
 
-The pressure difference keeps the cell round. At low pressure the flow deforms it: the fewer pascal,
-the more.
+The pressure difference keeps the cell round. The lower it is, the more the flow deforms the cell.
 """
 
 import matplotlib.pyplot as plt
@@ -35,9 +34,7 @@ left.set_aspect("equal")
 left.set_axis_off()
 left.legend(frameon=False, loc="center")
 right.loglog(pressures, deformation, "o-", color=BLUE, lw=1.8, label="axisymmetric solver")
-right.loglog(
-    pressures, deformation[0] * 300 / pressures, ":", color="0.4", label="slope $-1$"
-)
+right.loglog(pressures, deformation[0] * 300 / pressures, ":", color="0.4", label="slope $-1$")
 right.set(xlabel="pressure difference $ΔP$ [$η_s β/R_0$]", ylabel=r"deformation max $|r/R_0-1|$")
 right.legend(frameon=False)
 plt.show()

@@ -9,7 +9,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import amoeboid as am
-from amoeboid.plotting.palette import GRAY, INK
 
 # %%
 # A soft 3D cell, above the onset of turning. It starts straight, with a small push to one side.

@@ -2,7 +2,7 @@
 Friction with the surroundings
 ==============================
 
-Friction that acts back on the cell slows its flow and raises the threshold. How much, depends on its
+Friction that acts back on the cell can raise the threshold. Whether it does, depends on its
 direction.
 """
 
@@ -14,14 +14,13 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.plotting.palette import BLUE, GREEN, INK, ORANGE
 
 # %%
-# The threshold in closed form, with friction along the surface alone, in all directions alike, and
-# along the normal alone.
+# The threshold in closed form for three kinds of friction.
 cell = am.Parameters(D=0.4)
 gamma = np.linspace(0, 4, 41)
 kinds = {
     "along the surface": ({"gamma_t": 1.0}, GREEN),
     "in all directions alike": ({"gamma_t": 1.0, "gamma_n": 1.0}, BLUE),
-    "mostly along the normal": ({"gamma_t": 0.5, "gamma_n": 2.0}, ORANGE),
+    "4 times as much along the normal": ({"gamma_t": 1.0, "gamma_n": 4.0}, ORANGE),
 }
 
 
@@ -36,8 +35,8 @@ for kind, (_, color) in kinds.items():
     ax.plot(gamma, line, color=color, lw=2, label=kind)
 
 # %%
-# Points are thresholds of the axisymmetric solver: where its equations, linearized about the sphere,
-# become singular.
+# Points are thresholds of the axisymmetric solver: where its equations, linearized about the
+# sphere, become singular.
 measured = {}
 for kind, (_, color) in kinds.items():
     measured[kind] = onset_speed(with_friction(kind, 2.5))
@@ -48,9 +47,9 @@ ax.legend(frameon=False)
 plt.show()
 
 # %%
-# **Check.** Closed form and solver agree. Isotropic friction raises the threshold by
-# :math:`γ R_0^2/(6 S)`, friction along the surface not at all: a round cell slips through it as a
-# whole.
+# **Check.** Closed form and solver agree. Friction that is the same in all directions raises the
+# threshold by :math:`γ R_0^2/(6 S)`, friction along the surface not at all: a round cell slips
+# through it as a whole.
 S = cell.eta_s + cell.eta_b
 free = am.theory(cell).threshold
 for kind, value in measured.items():

@@ -19,7 +19,7 @@ cell = am.Parameters(D=0.4, v_p0=6.0)
 polarized = am.steady_states(cell).fastest_stable
 
 
-def noisy(filaments, seed):
+def noisy(filaments, seed, end=20.0):
     """A run with shot noise."""
     return am.simulate(
         cell,
@@ -27,11 +27,11 @@ def noisy(filaments, seed):
         initial=polarized,
         noise=am.Noise(filaments=filaments, seed=seed),
         time=am.Time(max_step=0.1),
-        until=am.time(25),
+        until=am.time(end),
     )
 
 
-runs = {n: [noisy(n, seed) for seed in (1, 2)] for n in (3e3, 3e4)}
+runs = {3e3: [noisy(3e3, 1), noisy(3e3, 2)], 3e4: [noisy(3e4, 3), noisy(3e4, 4)]}
 
 # %%
 # Paths with all drag on the cortex, seen along the first heading.
@@ -56,5 +56,6 @@ for n, result in found.items():
 few, many = found.values()
 ratio = few.rotational_diffusion / many.rotational_diffusion
 assert 4 < ratio < 25
-again = noisy(3e3, 1)
-assert np.array_equal(again.trajectory, runs[3e3][0].trajectory)
+again = noisy(3e3, 1, end=2.0)
+same = again.t < 1.9
+assert np.array_equal(again.trajectory[same], runs[3e3][0].trajectory[: same.sum()])

@@ -16,9 +16,7 @@ from amoeboid.plotting.palette import COLOR_MAP, ORANGE
 
 # %%
 # Steady states of 36 cells.
-points = am.grid(
-    am.Parameters(), D={"linspace": [0.05, 0.4, 6]}, v_p0={"linspace": [3.0, 6.5, 6]}
-)
+points = am.grid(am.Parameters(), D={"linspace": [0.05, 0.4, 6]}, v_p0={"linspace": [3.0, 6.5, 6]})
 table = am.sweep(points, partial(am.steady_states, degrees=(1,)))
 table
 
@@ -39,8 +37,8 @@ ax.set(ylabel="polymerization speed $v_p^0$ [$R_0 β$]")
 plt.show()
 
 # %%
-# **Check.** Every point was computed. Above the threshold all cells move; where two cells are stable
-# at one point, that point lies below the threshold.
+# **Check.** Every point was computed. Above the threshold all cells move; where two cells are
+# stable at one point, that point lies below the threshold.
 thresholds = np.array([am.theory(am.Parameters(D=D)).threshold for D in fastest.D.values])
 above = fastest.v_p0.values > thresholds[:, None]
 assert set(table["status"].values.ravel()) == {"ok"}

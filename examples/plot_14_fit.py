@@ -11,7 +11,8 @@ import matplotlib.pyplot as plt
 import amoeboid as am
 
 # %%
-# Data that a known cell would give, with errors of measurement: flow and concentration at 18 angles.
+# Data that a known cell would give, with errors of measurement: flow and concentration at 18
+# angles.
 truth = am.Parameters.physical(D="2 um^2/s", v_p0="3 um/s")
 data = am.synthetic(truth, {"u": "0.02 um/s", "c": "60 / um^2"}, seed=1)
 start = am.Parameters.physical(D="1 um^2/s", v_p0="2.5 um/s")

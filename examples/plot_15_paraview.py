@@ -18,7 +18,7 @@ from amoeboid.plotting.palette import COLOR_MAP
 
 # %%
 # A short run, in micrometers and seconds, written as VTK files.
-cell = am.Parameters.physical(v_p0="2 um/s")
+cell = am.Parameters.physical(D="2 um^2/s", v_p0="3 um/s")
 run = am.simulate(cell, mesh=am.Icosphere(3), until=am.time("40 s"), times=["40 s"])
 folder = Path(tempfile.mkdtemp())
 files = run.export(folder / "frames", "vtp")
@@ -29,10 +29,18 @@ print([file.name for file in files])
 surface = pyvista.read(next(file for file in reversed(files) if file.suffix == ".vtp"))
 print(surface.array_names)
 plotter = pyvista.Plotter(off_screen=True, window_size=(900, 700))
-plotter.add_mesh(surface, scalars="c", cmap=COLOR_MAP, smooth_shading=True)
-arrows = surface.glyph(orient="retrograde_flow", scale="retrograde_flow", factor=12, tolerance=0.06)
+plotter.add_mesh(
+    surface,
+    scalars="c",
+    cmap=COLOR_MAP,
+    smooth_shading=True,
+    ambient=0.45,
+    diffuse=0.6,
+    scalar_bar_args={"title": "filaments per um^2", "fmt": "%.0f"},
+)
+arrows = surface.glyph(orient="retrograde_flow", scale="retrograde_flow", factor=4, tolerance=0.06)
 plotter.add_mesh(arrows, color="#1b1b1b")
-plotter.camera_position = "xz"
+plotter.camera_position = [(0, -45, 0), (0, 0, 0), (-1, 0, 0)]  # front to the left
 picture = plotter.screenshot(return_img=True)
 plotter.close()
 

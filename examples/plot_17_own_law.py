@@ -2,8 +2,8 @@
 A polymerization law of your own
 ================================
 
-The law that tells how growth slows down with crowding is one line. Theory, branches and 3D runs take
-it at once.
+The law that tells how growth slows down with crowding is one line. Theory, branches and 3D runs
+take it at once.
 """
 
 import matplotlib.pyplot as plt

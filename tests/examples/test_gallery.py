@@ -43,9 +43,7 @@ def test_a_script_names_no_place_of_a_machine(path):
 @pytest.mark.parametrize(
     "path",
     [
-        pytest.param(
-            path, id=path.stem, marks=() if path.stem in QUICK else (pytest.mark.slow,)
-        )
+        pytest.param(path, id=path.stem, marks=() if path.stem in QUICK else (pytest.mark.slow,))
         for path in SCRIPTS
     ],
 )
