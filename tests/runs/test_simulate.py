@@ -200,7 +200,7 @@ def test_nodes_and_faces_of_slivers_are_repaired_on_request():
 def test_the_fineness_of_a_repair_needs_a_repair():
     with pytest.raises(am.InvalidInput, match="subdivisions must come with repair=True"):
         am.Surface("cell.ply", subdivisions=2)
-    with pytest.raises(am.InvalidInput, match="mesh.subdivisions must be a whole number"):
+    with pytest.raises(am.InvalidInput, match=r"mesh\.subdivisions must be a whole number"):
         am.Surface("cell.ply", repair=True, subdivisions=0)
 
 

@@ -59,8 +59,6 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
 
     With a bar of length R0; the longest arrow is the fastest flow. A cell at rest has no arrows.
     """
-    from matplotlib.collections import PolyCollection
-
     axes, cell, p = axes_for(ax), snapshot.cell, snapshot.parameters
     rear, up = _view(snapshot)
     toward = np.cross(rear, up)
@@ -71,11 +69,10 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
     length = column(p, np.array([1.0]), "L").values[0]
     x, y = length * (cell.x @ rear), length * (cell.x @ up)
     faces = cell.faces[seen]
-    edge = PolyCollection(list(np.stack([x, y], axis=1)[faces]), edgecolors=GRAY, lw=2.0)
-    axes.add_collection(edge)
     c = column(p, cell.c, "N/L^2")
     shades = axes.tripcolor(x, y, faces, c.values, shading="gouraud", cmap=COLOR_MAP)
-    shades.set_zorder(edge.get_zorder())
+    ends = _outline(faces)
+    axes.plot(x[ends].T, y[ends].T, color=GRAY, lw=1.0, solid_capstyle="round")
     axes.figure.colorbar(shades, ax=axes, label=with_unit("c", c.unit), shrink=0.85)
     R0 = p.R0 * length
     _arrows(axes, snapshot, (rear, up, toward), R0)
@@ -88,6 +85,13 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
     axes.set_aspect("equal")
     axes.set_axis_off()
     return axes
+
+
+def _outline(faces: Any) -> Any:
+    """Nodes (E, 2) at the ends of the edges that have one triangle of `faces` (F, 3) alone."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    found, count = np.unique(edges, axis=0, return_counts=True)
+    return found[count == 1]
 
 
 def _arrows(axes: Any, snapshot: Snapshot, view: tuple[Any, Any, Any], R0: float) -> None:
