@@ -32,6 +32,8 @@ for (share, (c, u)), color in zip(profiles.items(), (BLUE, GREEN, ORANGE), stric
 sine = np.sin(x)
 right.plot(from_front[::12], sine[::12], "o", ms=4, mfc="none", color="0.4", label="sine")
 left.set_yscale("log")
+left.minorticks_off()
+left.set_yticks((2, 3, 5, 10, 15), labels=("2", "3", "5", "10", "15"))
 left.set(xlabel="angle from the front [deg]", ylabel="filament concentration $c$ [$c_r$]")
 right.set(xlabel="angle from the front [deg]", ylabel="retrograde flow over its maximum")
 for ax in (left, right):

@@ -209,6 +209,14 @@ def test_what_is_recorded_is_chosen_by_name():
     assert "did you mean threshold?" in found.failed[0].why
 
 
+def test_coordinates_of_physical_cells_are_selected_by_what_was_given():
+    given = [700.0, 1000.0, 1370.0, 2000.0, 3000.0]
+    points = am.grid(am.Parameters.physical(), c0=[f"{c} / um^2" for c in given])
+    threshold = am.sweep(points, am.theory, record="threshold")["threshold"]
+    assert threshold.c0.values.tolist() == given
+    assert threshold.sel(c0=1370).item() == pytest.approx(1.4606, abs=1e-4)
+
+
 def test_physical_cells_are_recorded_in_customary_units():
     found = am.sweep(am.grid(CELL, v_p0=["2 um/s"]), am.theory, record=["threshold"])
     assert found["v_p0"].attrs["units"] == "um/s"
