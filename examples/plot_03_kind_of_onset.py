@@ -3,7 +3,7 @@ Smooth or sudden: the kind of the onset
 =======================================
 
 With little diffusion the flow sets in smoothly at the threshold. With more diffusion it jumps. The
-sign of one coefficient, :math:`ν` in :math:`\\dot a = λ_1 a + ν a^3`, tells which.
+sign of one coefficient, :math:`ν` in :math:`\\dot{a} = λ_1 a + ν a^3`, tells which.
 """
 
 import matplotlib.pyplot as plt

@@ -38,9 +38,9 @@ for kind, (_, color) in kinds.items():
 # Points are thresholds of the axisymmetric solver: where its equations, linearized about the
 # sphere, become singular.
 measured = {}
-for kind, (_, color) in kinds.items():
+for kind in ("along the surface", "in all directions alike"):
     measured[kind] = onset_speed(with_friction(kind, 2.5))
-    ax.plot(2.5, measured[kind], "o", color=color, mec="w", ms=8)
+    ax.plot(2.5, measured[kind], "o", color=kinds[kind][1], mec="w", ms=8)
 ax.plot([], [], "o", color=INK, label="axisymmetric solver")
 ax.set(xlabel="friction $γ$ [$η_s/R_0^2$]", ylabel="threshold $v_p^c$ [$R_0 β$]", xlim=(0, 4))
 ax.legend(frameon=False)
