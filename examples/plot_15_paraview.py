@@ -17,11 +17,12 @@ import amoeboid as am
 from amoeboid.plotting.palette import COLOR_MAP
 
 # %%
-# A short run, in micrometers and seconds, written as VTK files.
+# A short run, in micrometers and seconds, written as VTK files. With ``follow`` the cell stays in
+# the middle.
 cell = am.Parameters.physical(D="2 um^2/s", v_p0="3 um/s")
 run = am.simulate(cell, mesh=am.Icosphere(3), until=am.time("40 s"), times=["40 s"])
 folder = Path(tempfile.mkdtemp())
-files = run.export(folder / "frames", "vtp")
+files = run.export(folder / "frames", "vtp", follow=True)
 print([file.name for file in files])
 
 # %%

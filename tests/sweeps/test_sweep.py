@@ -2,8 +2,10 @@
 
 import functools
 import pickle
+import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -207,6 +209,14 @@ def test_what_is_recorded_is_chosen_by_name():
     assert list(found) == ["status", "why", "warnings", "threshold"]
     found = am.sweep(am.grid(P, v_p0=[6.0]), am.theory, record=["treshold"])
     assert "did you mean threshold?" in found.failed[0].why
+
+
+def test_a_function_of_a_program_on_standard_input_is_a_solver(monkeypatch):
+    typed = ModuleType("typed")
+    typed.__file__ = "<stdin>"
+    monkeypatch.setitem(sys.modules, "typed", typed)
+    exec("def double(p):\n    return {'double': 2 * p.D}\n", typed.__dict__)  # noqa: S102  (our own text)
+    assert am.sweep(am.grid(D=[0.1, 0.2]), typed.double)["double"].values.tolist() == [0.2, 0.4]
 
 
 def test_coordinates_of_physical_cells_are_selected_by_what_was_given():
