@@ -15,8 +15,8 @@ import amoeboid as am
 from amoeboid.plotting.palette import COLOR_MAP, STABLE
 
 # %%
-cells = am.grid(am.Parameters(), D={"linspace": [0.1, 0.5, 9]}, v_p0={"linspace": [3.5, 7.5, 17]})
-table = am.sweep(cells, partial(am.many_steady_states, max_modes=64))
+cells = am.grid(am.Parameters(), D={"linspace": [0.1, 0.5, 5]}, v_p0={"linspace": [3.5, 7.5, 9]})
+table = am.sweep(cells, partial(am.many_steady_states, max_modes=32))
 table
 
 # %%
