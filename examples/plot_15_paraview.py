@@ -41,7 +41,7 @@ plotter.add_mesh(
 )
 arrows = surface.glyph(orient="retrograde_flow", scale="retrograde_flow", factor=4, tolerance=0.06)
 plotter.add_mesh(arrows, color="#1b1b1b")
-plotter.camera_position = [(0, -45, 0), (0, 0, 0), (-1, 0, 0)]  # front to the left
+plotter.camera_position = [(0, -60, 0), (0, 0, 0), (-1, 0, 0)]  # front to the left
 picture = plotter.screenshot(return_img=True)
 plotter.close()
 
