@@ -12,7 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import amoeboid as am
-from amoeboid.plotting.palette import COLOR_MAP, STABLE
+from amoeboid.plotting.palette import COLOR_MAP, UNSTABLE
 
 # %%
 cells = am.grid(am.Parameters(), D={"linspace": [0.3, 0.5, 9]}, v_p0={"linspace": [4.6, 6.0, 15]})
@@ -29,7 +29,7 @@ image = ax.pcolormesh(flow.D, flow.v_p0, flow.T, cmap=COLOR_MAP, shading="neares
 fig.colorbar(image, label="retrograde flow $v_0$ [$R_0 β$]")
 D = np.linspace(0.2875, 0.5125, 10)
 ax.plot(
-    D, [am.theory(am.Parameters(D=d)).threshold for d in D], color=STABLE, lw=2, label="threshold"
+    D, [am.theory(am.Parameters(D=d)).threshold for d in D], color=UNSTABLE, lw=2, label="threshold"
 )
 ax.legend(frameon=False, loc="lower right")
 ax.set(xlabel="diffusion coefficient $D$ [$R_0^2 β$]", xlim=(D[0], D[-1]))
