@@ -77,7 +77,7 @@ def test_a_format_of_numbers_keeps_short_units():
 def test_unknown_names_are_refused_with_a_suggestion():
     with pytest.raises(InvalidInput, match="did you mean eta_s"):
         parameters_from({"eta_S": 1.0})
-    with pytest.raises(InvalidInput, match="'viscosity' is no parameter"):
+    with pytest.raises(InvalidInput, match="unknown parameter 'viscosity'"):
         Parameters().replace(viscosity=1.0)
 
 

@@ -48,8 +48,8 @@ class Surface:
     Nodes r (V, 3) in any unit of length (the run scales them to the area of the membrane), faces
     (F, 3) that look outward. `repair` lets the surface be repaired, as `initial.repair`: a mesh of
     slivers, as from marching cubes, is remeshed to about the nodes of `Icosphere(subdivisions)`,
-    by default of the run's own. Raises InvalidInput for what is no closed surface without handles,
-    and for `subdivisions` without `repair`.
+    by default of the run's own. Raises InvalidInput for a value that is not a closed surface
+    without handles, and for `subdivisions` without `repair`.
     """
 
     def __init__(
@@ -60,17 +60,19 @@ class Surface:
         if subdivisions is not None:
             if not repair:
                 raise InvalidInput(
-                    "subdivisions must come with repair=True, a surface that is not remeshed has "
-                    "the nodes that it has"
+                    "subdivisions must come with repair=True; without it the surface keeps its "
+                    "own nodes"
                 )
             subdivisions = Mesh(subdivisions=subdivisions).subdivisions
         self.subdivisions = subdivisions
         if self.path is not None:
             if faces is not None:
-                raise InvalidInput("a surface must be a file or nodes and faces, got both")
+                raise InvalidInput(
+                    "a surface must be a file or nodes and faces, got both; leave one out"
+                )
             return
         if faces is None:
-            raise InvalidInput("a surface must be a file, or nodes and faces; faces are missing")
+            raise InvalidInput("a surface must be a file, or nodes and faces; add the faces")
         try:
             self.r, self.faces = np.array(r, dtype=float), np.array(faces)
         except (TypeError, ValueError) as error:
@@ -107,7 +109,7 @@ class Surface:
         except Repairable as problem:
             if self.repair:
                 raise
-            raise InvalidInput(f"{problem}, or let it be done with repair=True") from None
+            raise InvalidInput(f"{problem}, or set repair=True") from None
         order, faces = narrow_numbering(faces)
         r = r[order]
         return InitialCell(r, faces, np.full(len(r), p.c0), float(base_tension(p)), changes)
@@ -121,7 +123,7 @@ class Surface:
 def placed_on(mesh: Any, config: Config) -> tuple[dict[str, Any], InitialCell | None]:
     """Changes of the configuration for a mesh, {section.field: value}, or the cell to start as.
 
-    Raises InvalidInput for what is no mesh.
+    Raises InvalidInput for a value that is not a mesh.
     """
     if isinstance(mesh, Icosphere):
         return {"mesh.subdivisions": mesh.subdivisions}, None
