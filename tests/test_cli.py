@@ -24,6 +24,7 @@ from amoeboid.simulation import writers
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
+from command import SHORT
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -305,6 +306,19 @@ def test_help_is_quick_because_it_imports_little(command):
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert "usage: amoeboid" in done.stdout
+
+
+def test_a_run_imports_neither_scipy_nor_other_commands(tmp_path):
+    """They take longer to import than a quarter of the default run."""
+    code = (
+        "import sys\nfrom amoeboid.cli.main import main\n"
+        f"assert main({['run', *SHORT, '-o', str(tmp_path / 'run')]!r}) == 0\n"
+        "heavy = 'scipy.sparse scipy.linalg scipy.special asyncio amoeboid.cli.fit'.split()\n"
+        "loaded = [name for name in heavy if name in sys.modules]\n"
+        "assert not loaded, loaded\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
 
 
 def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys):

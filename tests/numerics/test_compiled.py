@@ -63,6 +63,20 @@ def test_kernels_are_kept_on_disk(folder):
     assert sum(again.stats.cache_hits.values()) == 1
 
 
+def test_a_kept_kernel_is_compiled_into_those_that_call_it(folder):
+    """Of a kept kernel its machine code is loaded; what others are compiled with lies beside it."""
+    called = compiled(double)
+    assert called(np.float64(3.0)) == 6.0
+    again = compiled(double)
+
+    def twice(x):
+        return again(again(x))
+
+    assert compiled(twice)(np.float64(3.0)) == 12.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert not sum(again.stats.cache_misses.values())
+
+
 @pytest.mark.parametrize("content", [b"", b"\x80", "half", b"not a pickle", "one bit"], ids=str)
 def test_damaged_files_are_compiled_anew_and_replaced(content, folder):
     assert compiled(double)(np.float64(3.0)) == 6.0
