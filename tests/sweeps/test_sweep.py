@@ -211,6 +211,15 @@ def test_what_is_recorded_is_chosen_by_name():
     assert "did you mean threshold?" in found.failed[0].why
 
 
+def scaled(p, by):
+    return {"scaled": by * p.D}
+
+
+def test_a_table_names_its_solver_without_the_arguments():
+    table = am.sweep(am.grid(D=[0.1, 0.2]), functools.partial(scaled, by=2.5))
+    assert repr(table).startswith("Sweep of scaled at 2 points in D")
+
+
 def test_a_function_of_a_program_on_standard_input_is_a_solver(monkeypatch):
     typed = ModuleType("typed")
     typed.__file__ = "<stdin>"
