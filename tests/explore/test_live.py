@@ -123,7 +123,7 @@ def test_the_presets_that_circle_do_so_within_ten_units_of_time(name):
         axis = polarization(cell.step.cell)
         axes.append(axis / np.linalg.norm(axis))
     turned = [np.degrees(np.arccos(a @ b)) for a, b in pairwise(axes)]
-    assert turned[1] > 20.0  # it goes on turning long after the poke; a circle takes 37
+    assert turned[1] > 20.0  # it goes on turning long after the poke; a circle takes 33
 
 
 def test_a_pause_stops_time():

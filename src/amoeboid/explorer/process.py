@@ -18,6 +18,15 @@ PATIENCE = 2.0
 """Seconds that a worker has to end by itself."""
 
 
+def killed(kind: str) -> dict[str, str]:
+    """What a page is told about a process that was killed."""
+    message = {
+        "answers": "The computation was killed; change a parameter to start it again.",
+        "live": "The process of the cell was killed; restart the cell.",
+    }[kind]
+    return {"kind": "failed", "message": message}
+
+
 class Worker:
     """A process of `explorer.worker`; `received` is called with the kind and each message of it."""
 
@@ -56,6 +65,9 @@ class Worker:
             while True:
                 length, kind = struct.unpack("<Ic", await stream.readexactly(5))
                 self._received(kind.decode(), await stream.readexactly(length))
+        # nobody here has ended it, and it could not say why it ends
+        if self._process is process and await process.wait() < 0:
+            self._received("T", json.dumps(killed(self._kind)).encode())
 
     async def end(self) -> None:
         """End the process: it does so when its input ends, or is killed."""
