@@ -16,27 +16,6 @@ FRAME = "explorer.live.latest"
 ABOVE, BELOW, BISTABLE = 7.5, 3.0, 5.5
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with explorer(cwd=tmp_path_factory.mktemp("pages")) as found:
-        yield found
-
-
-@pytest.fixture
-def tab(chromium, server):
-    found = chromium.open(server[1])
-    found.until("explorer.known.states && explorer.live.latest")
-    yield found
-    assert found.events("Runtime.exceptionThrown") == []
-    found.close()
-
-
 def at(tab, v_p0):
     """The page at a v_p0, once its states are known."""
     tab.type_value("v_p0", str(v_p0))

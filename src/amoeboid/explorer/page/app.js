@@ -130,6 +130,13 @@ function begin(seed = Math.floor(Math.random() * 2 ** 31)) {
   if (!isLive) return;
   view?.restart();
   source.live({ do: "begin", ...point(), start: $("start").value, seed });
+  if (!live.moves) source.live({ do: "pause", value: true });
+}
+
+// what the user starts may move, also where the system asks for less motion
+function beginByHand() {
+  live.moves = true;
+  begin();
 }
 
 function choosePreset(preset, start = true) {
@@ -160,7 +167,6 @@ function buildHeader() {
   const dark = (on) => {
     document.documentElement.classList.toggle("dark", on);
     $("theme").setAttribute("aria-pressed", String(on));
-    $("theme").textContent = on ? "Light" : "Dark";
     view?.dark(on);
   };
   const wanted = matchMedia("(prefers-color-scheme: dark)");
@@ -339,7 +345,7 @@ function showFrame(frame) {
   live.latest = frame;
 }
 
-const live = { frames: 0, begun: 0, failed: false, latest: null, observables: {} };
+const live = { moves: !matchMedia("(prefers-reduced-motion: reduce)").matches, frames: 0, begun: 0, failed: false, latest: null, observables: {} };
 
 async function buildLive() {
   $("live").hidden = false;
@@ -348,11 +354,14 @@ async function buildLive() {
   $("start").addEventListener("change", () => {
     $("surface").hidden = $("start").value !== "surface";
     if ($("start").value === "surface") $("surface").click();
-    else begin();
+    else beginByHand();
   });
   $("surface").addEventListener("change", () => { if ($("surface").files[0]) source.surface($("surface").files[0]); });
-  $("restart").addEventListener("click", () => begin());
-  $("pause").addEventListener("click", () => source.live({ do: "pause", value: !live.latest?.paused }));
+  $("restart").addEventListener("click", beginByHand);
+  $("pause").addEventListener("click", () => {
+    live.moves ||= Boolean(live.latest?.paused);
+    source.live({ do: "pause", value: !live.latest?.paused });
+  });
   $("pace").addEventListener("input", setPace);
   $("strength").addEventListener("input", () => {
     const value = Number($("strength").value);
