@@ -24,6 +24,7 @@ from amoeboid.model.parameters import (
 )
 from amoeboid.motility.environments import CortexDrag, Environment
 from amoeboid.motility.words import environment, written
+from amoeboid.toml import toml_text
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -466,13 +467,11 @@ def config_to_toml(config: Config) -> str:
 
     Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
-    import tomli_w
-
     document = {
         section: {k: v for k, v in config.section(section).items() if v is not None}
         for section in SECTIONS
     }
-    return tomli_w.dumps(document)
+    return toml_text(document)
 
 
 def config_from_toml(text: str, name: str = "the configuration") -> Config:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from shutil import which
@@ -11,6 +10,7 @@ from typing import Any
 
 from amoeboid.explorer.recipe import ELONGATED, NOISE, STRETCH, SURFACE, Recipe
 from amoeboid.exports.export import export
+from amoeboid.extras import installed
 from amoeboid.runs.solution import Solution, simulate
 from amoeboid.runs.stored import load
 from amoeboid.validation import InvalidInput
@@ -55,7 +55,7 @@ def movie_of(folder: Path) -> Path:
 
     Raises InvalidInput, OSError.
     """
-    encoder = find_spec("imageio_ffmpeg") is not None or which("ffmpeg") is not None
+    encoder = installed("imageio_ffmpeg") or which("ffmpeg") is not None
     run, kind = load(folder), "mp4" if encoder else "gif"
     every = 1 + len(run.frames) // MAX_PICTURES
     (path,) = export(

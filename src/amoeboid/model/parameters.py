@@ -21,6 +21,7 @@ from amoeboid.model.stress import (
     stress,
 )
 from amoeboid.model.units import Units, customary_unit, measured, quantity
+from amoeboid.toml import toml_text
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -436,10 +437,8 @@ def parameters_to_toml(p: Parameters) -> str:
 
     Raises InvalidInput for a law or a stress that a text cannot hold.
     """
-    import tomli_w
-
     refuse_unwritable_relations(p)
-    return tomli_w.dumps(p.as_dict())
+    return toml_text(p.as_dict())
 
 
 def refuse_unwritable_relations(p: Parameters) -> None:

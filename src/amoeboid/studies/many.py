@@ -17,10 +17,11 @@ from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
+from amoeboid.extras import needed
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
 from amoeboid.studies import observed
-from amoeboid.studies.columns import needed
+from amoeboid.studies.columns import TABLE
 from amoeboid.studies.recorded import Recorded, single
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput, refuse_unknown
@@ -102,7 +103,7 @@ class ManySteadyStates:
 
     def to_xarray(self, *names: str) -> Any:
         """An xarray.Dataset of status, modes, parameters and observables, by default four."""
-        xarray = needed("xarray")
+        xarray = needed("xarray", TABLE)
         names = names or ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
         axes = tuple(f"point_{k}" for k in range(len(self.shape)))
         columns = self.points.columns()

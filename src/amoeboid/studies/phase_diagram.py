@@ -20,10 +20,11 @@ from amoeboid.axisymmetric.phase_diagram import (
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.display import html_picture, html_table, plotted
+from amoeboid.extras import needed
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import (
+    TABLE,
     magnitude,
-    needed,
     physical_number,
     quantity,
     shortened,
@@ -108,7 +109,7 @@ class PhaseDiagram:
 
     def to_xarray(self) -> Any:
         """An xarray.Dataset over (v_p0, name): regions, their names and the retrograde speed."""
-        xarray, p, name = needed("xarray"), self.parameters, self.name
+        xarray, p, name = needed("xarray", TABLE), self.parameters, self.name
         axes = ("v_p0", name)
         values = magnitude(p, self.solution.values, p.dimension(name))
         speeds = magnitude(p, self.solution.speeds, SPEED)
@@ -128,7 +129,7 @@ class PhaseDiagram:
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame with one row a cell of the diagram."""
-        needed("pandas")
+        needed("pandas", TABLE)
         return self.to_xarray().to_dataframe().reset_index()
 
     def plot(self, ax: Any = None) -> Any:
