@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -85,6 +86,11 @@ class Answers:
         self._points, self.window = points, (0.0, 0.0)
         self.theories, self.branches, self.drawn, self.states = Kept(), Kept(), Kept(), Kept()
 
+    def know(self, found: Iterable[Theory]) -> None:
+        """Keep what the theory says about points, as if they had been asked for."""
+        for one in found:
+            self.theories.get((one.parameters, one.parameters.units), partial(_itself, one))
+
     def of(self, p: Parameters, name: str, watch: Watch) -> Iterator[Answer]:
         """Theory, branch in the parameter `name`, and states at the point, in this order.
 
@@ -122,6 +128,10 @@ class Answers:
         if value <= 0:
             raise InvalidInput(f"{name} must be > 0 to follow a branch in it, got {value:g}")
         return 0.5 * value, 2.0 * value
+
+
+def _itself(found: Theory) -> Theory:
+    return found
 
 
 def _shown(p: Parameters, values: Any, dimension: str | None) -> Any:

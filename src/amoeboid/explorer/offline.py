@@ -14,6 +14,7 @@ from amoeboid.explorer.point import PHYSICAL, SIMULATION
 from amoeboid.explorer.presets import shown, shown_values
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.atomic import write_atomically
+from amoeboid.studies.theory import theories
 from amoeboid.validation import InvalidInput
 
 NAME = "D"
@@ -56,6 +57,7 @@ def precomputed(p: Parameters, watch: Watch = unwatched) -> dict[str, Any]:
                 f"a page needs a branch, at D = {value:g} there is none: {branch['problems'][0]}"
             )
         speeds = np.unique([*np.linspace(0.0, answers.window[1], SPEEDS), p.v_p0])
+        answers.know(theories(q, [float(v) for v in speeds]))
         points = []
         for k, v_p0 in enumerate(speeds, start=1):
             watch(Progress(f"states of the page, D = {value:g}", "v_p0", float(v_p0), 0, k))
