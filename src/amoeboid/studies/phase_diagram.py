@@ -79,7 +79,7 @@ class PhaseDiagram:
 
     @property
     def regions(self) -> Array:
-        """Indices into `REGIONS` (rows, columns)."""
+        """Indices into `REGIONS` (rows, columns) [1]."""
         return self.solution.regions
 
     @property
@@ -137,7 +137,7 @@ class PhaseDiagram:
         return plotted(self, "branches.draw_phase_diagram", ax)
 
     def plain(self, name: str, value: float) -> float:
-        """A value of v_p0 or of the parameter as programs read it, in the unit of `units`."""
+        """A value of `name`, v_p0 or the parameter, as programs read it: in the unit of `units`."""
         return physical_number(self.parameters, value, self.parameters.dimension(name))
 
     @property
@@ -215,7 +215,8 @@ def phase_diagram(
 
     `low` and `high` are the ends of the window of the parameter, `speeds` those of v_p0; with
     physical parameters they are quantities such as "2 um/s". What is left out is the window of the
-    paper's table in units of this cell (D and v_p0 alone). `watch` is called with every step.
+    paper's table in units of this cell (D and v_p0 alone). Found at
+    `columns` values of v_p0 and `rows` of the parameter. `watch` is called with every step.
     Raises InvalidInput for windows that cannot be, and where there is nothing to measure them in.
     """
     refuse_no_parameters(p)
