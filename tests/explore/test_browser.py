@@ -172,7 +172,7 @@ def test_a_fifth_page_keeps_saying_why_it_does_not_work(chromium, server):
 def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     path = tmp_path / "page.html"
     assert main(["explore", "--export", str(path), "--set", "D=0.4", "--set", "v_p0=5.5"]) == 0
-    assert path.stat().st_size < 600_000
+    assert path.stat().st_size < 400_000
     tab = chromium.open(path.as_uri())
     tab.until("explorer.known.states")
     assert tab.value("explorer.known.branch.folds[0].x") == pytest.approx(5.2096, abs=1e-3)

@@ -21,7 +21,7 @@ NAME = "D"
 FACTORS = (0.1, 0.4, 1.0, 2.0)
 """The branches are those at these multiples of D."""
 
-SPEEDS = 15
+SPEEDS = 13
 """Values of v_p0 whose states are shown, besides that of the point itself."""
 
 POINTS = 31
