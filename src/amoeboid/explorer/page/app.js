@@ -142,7 +142,7 @@ function beginByHand() {
 function choosePreset(preset, start = true) {
   Object.assign(state, { preset, units: preset.units, values: { ...preset.values } });
   $("preset").value = preset.name;
-  $("note").textContent = preset.note;
+  $("note").textContent = isLive ? preset.note : `${preset.title}. ${preset.note}`;
   for (const radio of document.getElementsByName("units")) radio.checked = radio.value === state.units;
   if (isLive) {
     $("start").value = preset.start;
@@ -156,6 +156,7 @@ function choosePreset(preset, start = true) {
 
 function buildHeader() {
   $("preset").replaceChildren(...data.presets.map((p) => make("option", { value: p.name, textContent: p.title })));
+  $("preset").closest("label").hidden = data.presets.length < 2;
   $("preset").addEventListener("change", () => choosePreset(data.presets.find((p) => p.name === $("preset").value)));
   const fields = ["simulation", "physical"].map((value) => {
     const radio = make("input", { type: "radio", name: "units", value });
@@ -219,8 +220,9 @@ function showTheory(theory) {
 }
 
 function sentences(lines) {
-  const same = $("sentences").textContent === lines.join("");
-  if (!same) $("sentences").replaceChildren(...lines.map((textContent) => make("p", { textContent })));
+  const texts = lines.map((line) => line.replace(/(?<=^|[\s(])-(?=\d)/g, "\u2212"));
+  const same = $("sentences").textContent === texts.join("");
+  if (!same) $("sentences").replaceChildren(...texts.map((textContent) => make("p", { textContent })));
 }
 
 function drawBranch() {
