@@ -135,10 +135,10 @@ def test_the_automatic_step_follows_the_scheme_that_a_run_goes_on_with(
 @pytest.mark.parametrize(
     ("setting", "says"),
     [
-        ("D=1", "[parameters] as it was, D = 0.4, got 1.0"),
-        ("law=inverse", "[parameters] as it was, law = exponential, got inverse"),
-        ("mesh.subdivisions=2", "[mesh] as it was, subdivisions = 1, got 2"),
-        ("initial.seed=4", "[initial] as it was, seed = 0, got 4"),
+        ("D=1", "[parameters] unchanged, D = 0.4, got 1.0"),
+        ("law=inverse", "[parameters] unchanged, law = exponential, got inverse"),
+        ("mesh.subdivisions=2", "[mesh] unchanged, subdivisions = 1, got 2"),
+        ("initial.seed=4", "[initial] unchanged, seed = 0, got 4"),
     ],
 )
 def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
@@ -403,7 +403,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         ),
         (
             Rest(0.0, Growth(0.004, 0.001)),
-            "steady but unstable: a perturbation grows, slowly, at 0.004 +- 0.001 per",
+            "steady but unstable: a perturbation grows slowly, at 0.004 +- 0.001 per",
         ),
         (
             Rest(0.0, Growth(0.2, 0.01)),
@@ -416,7 +416,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         (
             Rest(0.0, Growth(-0.2, 0.5)),
             "steady, but its stability is unknown: the growth rate of the fastest perturbation, "
-            "-0.2 per unit time, is only known to 0.5",
+            "-0.2 per unit time, is known only to +- 0.5",
         ),
         (
             Rest(-200.0, Growth(0.2, 0.01)),

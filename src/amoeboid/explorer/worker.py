@@ -249,7 +249,7 @@ class Player:
         self.output.text({"kind": "lines", "text": text})
 
     def _save(self, message: Message) -> None:
-        """Make the run again into a folder, beside the cell that goes on. Raises InvalidInput."""
+        """Make the run again into a folder, beside the cell that continues. Raises InvalidInput."""
         from amoeboid.explorer.lines import new_folder
 
         if self._saving is not None and self._saving.is_alive():

@@ -92,7 +92,7 @@ def check_size(r: Array, name: str) -> float:
         raise InvalidInput(f"{name} must have finite coordinates below 1e150, got {largest:g}")
     size = float(np.ptp(r, axis=0).max())
     if not size > 1e-150:
-        raise InvalidInput(f"{name} must be larger than a point, its size is {size:g}")
+        raise InvalidInput(f"{name} must have a size > 0, got {size:g}")
     return size
 
 
@@ -149,8 +149,8 @@ def _check_edges(faces: Index, name: str) -> None:
     directed = np.unique(half_edges[:, 0] * n + half_edges[:, 1])
     if len(directed) < len(half_edges):
         raise Repairable(
-            f"{name} must be consistently oriented, at {len(half_edges) - len(directed)} edges "
-            "one triangle looks out where its neighbor looks in; reorient its triangles"
+            f"{name} must be consistently oriented, at {len(half_edges) - len(directed)} edges a "
+            "triangle is oriented inward and its neighbor outward; reorient the triangles"
         )
 
 
@@ -167,8 +167,8 @@ def _check_nodes(r: Array, faces: Index, name: str) -> None:
     fans = connected_components(graph, directed=False)[0]
     if fans != n:
         raise InvalidInput(
-            f"{name} must be a manifold: one fan of triangles around every point, got "
-            f"{fans - n} more fans than points; separate the parts that touch in a point"
+            f"{name} must be a manifold: one fan of triangles around every point, got {fans - n} "
+            "more fans than points; separate the parts that touch at a point"
         )
 
 
@@ -208,7 +208,7 @@ def check_triangles(r: Array, faces: Index, name: str) -> None:
     if not enclosed > 0:
         raise Repairable(
             f"{name} must be oriented outward (points of a triangle counter-clockwise seen from "
-            "outside), it is inside out; reverse the order of the points in every triangle"
+            "outside), it is oriented inward; reverse the order of the points in every triangle"
         )
 
 

@@ -103,16 +103,16 @@ def _loaded(name: str, target: Any) -> Any:
 def _say_damaged(folder: str, error: Exception) -> None:
     _say_once(
         folder,
-        f"kernels kept in {folder!r} cannot be read ({_words(error)}); they are compiled anew, and "
-        "kept if that is possible",
+        f"kernels kept in {folder!r} cannot be read ({_words(error)}); they are compiled again, "
+        "and stored if possible",
     )
 
 
 def _say_unkept(folder: str, why: str) -> None:
     _say_once(
         folder,
-        f"compiled kernels cannot be kept in {folder!r} ({why}); they are compiled in every "
-        "program: set NUMBA_CACHE_DIR to a folder with room for them",
+        f"compiled kernels cannot be stored in {folder!r} ({why}), so every program compiles "
+        "them; set NUMBA_CACHE_DIR to a writable folder with free space",
     )
 
 

@@ -196,7 +196,7 @@ class _Turn:
     def waits(self) -> Iterator[None]:
         """Pauses until it is this program's turn, and one more: look for the kernel in each.
 
-        Who goes on after the last compiles it.
+        Who continues after the last compiles it.
         """
         if self._lock is None:
             with suppress(OSError):  # no folder
@@ -212,7 +212,7 @@ class _Turn:
         self._show("compiling the numerical kernels, once on this machine", str(self._count))
 
     def _locked(self) -> bool:
-        """Whether to go on: it is this program's turn, or there are no locks here.
+        """Whether to continue: it is this program's turn, or there are no locks here.
 
         Programs that start together then compile the same kernels.
         """

@@ -1,4 +1,4 @@
-"""The checkpoint of a run: all that it goes on from, bit for bit.
+"""The checkpoint of a run: all that it continues from, bit for bit.
 
 NumPy arrays, never pickled objects. A file may be damaged or made up: what is read must be a step
 that this program could have written, or it is refused.
@@ -159,7 +159,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
     output = resolved(config).output
     due = Schedule(output.interval, output.times, latest).due(t)
     _require(
-        not due, "frames must have been written as they were due", f"none at {due[0] if due else t}"
+        not due,
+        "frames must have been written when they were due",
+        f"none at {due[0] if due else t}",
     )
     return Checkpoint(config, step, frame_times)
 
@@ -174,7 +176,7 @@ def _arrays(path: Path) -> dict[str, Array]:
     with path.open("rb") as file:
         begins = file.read(len(ARCHIVE)) == ARCHIVE
     if not begins or not is_zipfile(path):
-        raise InvalidInput("its checkpoint is no archive of arrays (.npz)")
+        raise InvalidInput("its checkpoint is not an archive of arrays (.npz)")
     try:
         with ZipFile(path) as archive:
             there = set(archive.namelist())
@@ -191,7 +193,7 @@ def _array(archive: ZipFile, name: str) -> Array:
     """An array of an archive. Room is made for what the file holds, not for what it announces."""
     size = archive.getinfo(name).file_size
     if size > MAX_ARRAY:
-        raise ValueError(f"{name} must have at most {MAX_ARRAY} bytes, it announces {size}")
+        raise ValueError(f"{name} must have at most {MAX_ARRAY} bytes, it declares {size}")
     data = io.BytesIO(archive.read(name))
     version = np.lib.format.read_magic(data)
     if version != (1, 0):
@@ -239,7 +241,11 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
     _require(next_dt > 0, "the length of the next step must be > 0", next_dt)
     _require(rate >= 0, "the rate of change must be >= 0", rate)
     rest = _rest(arrays)
-    _require(rest is None or rest.since <= history[0].t, "a rest must begin before now", rest)
+    _require(
+        rest is None or rest.since <= history[0].t,
+        "a state of rest must begin before the current time",
+        rest,
+    )
     tried = arrays["tried"] if arrays["tried_known"] else None
     return Step(number, model, history, flow, next_dt, rejected, rate, rest, tried=tried)
 
@@ -247,7 +253,7 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
 def _rest(arrays: dict[str, Array]) -> Rest | None:
     resting, growth_known = (bool(x) for x in arrays["rest_known"])
     since, rate, error = (float(x) for x in arrays["rest"])
-    _require(resting or not growth_known, "growth is only known of a cell at rest", rate)
+    _require(resting or not growth_known, "a growth rate requires a cell at rest", rate)
     _require(error >= 0, "the error of a growth rate must be >= 0", error)
     growth = Growth(rate, error) if growth_known else Growth(None)
     return Rest(since, replace(growth, problem=str(arrays["rest_problem"]))) if resting else None
@@ -318,8 +324,8 @@ def _check_shape(model: Model, history: tuple[State, ...]) -> None:
             abs(ratio - 1.0) <= MAX_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
         )
         enclosed = volume(state.r, faces)
-        _require(enclosed > 0, "triangles must look outward, volume > 0", f"{enclosed:g}")
+        _require(enclosed > 0, "triangles must be oriented outward, volume > 0", f"{enclosed:g}")
     try:
         check_step(model, earlier[0] if earlier else now, now)
     except StepFailed as error:
-        raise InvalidInput(f"its checkpoint must hold a cell in order: {error}") from None
+        raise InvalidInput(f"its checkpoint must hold a valid cell: {error}") from None

@@ -6,7 +6,7 @@
     timeseries.csv       one row an accepted step, of the explicit scheme one a frame
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
-    checkpoint.npz       what `--resume` goes on from
+    checkpoint.npz       what `--resume` continues from
     .lock                while a process writes to the folder, see `amoeboid.output.lock`
 
 Files are written under a temporary name and renamed, so that a killed run leaves none of them
@@ -126,7 +126,7 @@ class RunFolder:
         """
         frames = within(self.folder, "frames")
         if frames.exists() and not frames.is_dir():
-            raise InvalidInput(f"{str(frames)!r} must be a folder, or not be there; remove it")
+            raise InvalidInput(f"{str(frames)!r} must be a folder or not exist; remove it")
         self._lock.take()
         remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
@@ -154,7 +154,7 @@ class RunFolder:
     @contextmanager
     def failure_recorded(self) -> Iterator[None]:
         """Note in the manifest that something has ended the run (a full disk, an observable that
-        raises), if that is still possible; the exception goes on."""
+        raises), if that is still possible; the exception continues."""
         try:
             yield
         except BaseException as error:
@@ -212,7 +212,7 @@ def new_folder(requested: Path | None) -> Path:
     try:
         requested.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput(f"the output folder cannot be made: {error}") from None
+        raise InvalidInput(f"the output folder cannot be created: {error}") from None
     return requested
 
 
@@ -224,7 +224,7 @@ def _numbered_folder() -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise InvalidInput(f"the output folder cannot be made: {error}") from None
+            raise InvalidInput(f"the output folder cannot be created: {error}") from None
         break
     return Path(name)
 
@@ -312,7 +312,7 @@ def resumed_run(
     writers: Iterable[Any] = (),
     observe: Iterable[str] | None = None,
 ) -> tuple[RunFolder, Step]:
-    """A stored run, ready to go on, and the step it stopped at; writes nothing.
+    """A stored run, ready to continue, and the step it stopped at; writes nothing.
 
     Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
     """
@@ -416,6 +416,6 @@ def _refuse_changes(made_with: Config, wanted: Config) -> None:
             was, is_ = before.get(name), now.get(name)
             if was != is_:
                 raise InvalidInput(
-                    f"--resume keeps [{section}] as it was, {name} = {was}, got {is_}; only "
-                    "time.* and output.* may change, start a new run for the rest"
+                    f"--resume keeps [{section}] unchanged, {name} = {was}, got {is_}; only "
+                    "time.* and output.* may change; start a new run for other changes"
                 )

@@ -194,8 +194,8 @@ def _points_of(cells: Sequence[Parameters]) -> Points:
     kinds = {(p.law.name, p.stress.name, *p.names) for p in cells}
     if len(kinds) > 1:
         raise InvalidInput(
-            f"all cells must have the law {first.law.name!r} and the stress {first.stress.name!r}, "
-            "got others too; ask for each law by itself"
+            f"all cells must have the same law ({first.law.name!r}) and stress "
+            f"({first.stress.name!r}), got others; compute each law separately"
         )
     columns = {name: np.array([p.value(name) for p in cells]) for name in first.names}
     return points(first, **columns)

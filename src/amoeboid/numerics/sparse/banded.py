@@ -34,7 +34,7 @@ class _LapackFactor:
         """Solution x of A x = b; b (n,) or (n, k)."""
         x, info = self._solve(b)
         if info != 0:
-            raise SingularMatrix(f"LAPACK refused the right-hand side (info = {info})")
+            raise SingularMatrix(f"LAPACK rejected the right-hand side (info = {info})")
         return x
 
 
