@@ -178,7 +178,7 @@ def test_a_process_that_is_killed_is_told_and_started_again(which):
         page.until("frame")
         pid = sorted(children(process.pid))[which]
         os.kill(pid, signal.SIGKILL)
-        assert "killed" in page.until("failed")["message"]
+        assert "ended from outside" in page.until("failed")["message"]
         assert page.answers(D4)["states"]
         page.begin(D4)
         page.until("begun")
