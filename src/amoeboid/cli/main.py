@@ -51,7 +51,8 @@ MISTAKEN_PATH = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     try:
-        args = _parser().parse_args(argv)
+        words = sys.argv[1:] if argv is None else argv
+        args = _parser(words).parse_args(words)
     except OSError as error:  # no room for what --help prints
         tell("", error)
         return FAILURE
@@ -72,7 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """Knows all commands, and the options of those that are named."""
     parser = _Parser(
         prog="amoeboid",
         description="Cells that polarize and migrate by actin polymerization, without myosin.",
@@ -80,15 +82,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, summary in COMMANDS.items():
-        module = import_module(f"amoeboid.cli.{name.replace('-', '_')}")
         command = commands.add_parser(
             name,
             help=summary,
             description=f"{summary[0].upper()}{summary[1:]}.",
             formatter_class=HelpFormatter,
         )
-        module.add_arguments(command)
-        command.set_defaults(execute=module.execute)
+        if name in words:  # to import the others would take as long as a short command
+            module = import_module(f"amoeboid.cli.{name.replace('-', '_')}")
+            module.add_arguments(command)
+            command.set_defaults(execute=module.execute)
     return parser
 
 

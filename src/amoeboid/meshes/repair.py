@@ -7,8 +7,6 @@ because the intended surface is not known; `checks.check_surface` rejects them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import (
@@ -30,6 +28,7 @@ from amoeboid.meshes.geometry import (
     triangle_quality,
     volume,
 )
+from amoeboid.meshes.graphs import components
 from amoeboid.meshes.relaxation import relaxation
 from amoeboid.meshes.remeshing import POOR_QUALITY, distortion, swept
 from amoeboid.numerics.compiled import compiled, nested
@@ -111,9 +110,8 @@ def _oriented(r: Array, faces: Index) -> tuple[Index, list[str]]:
     opposed = tails[a] == tails[b]
     here, there = face[a], face[b] + count * opposed
     mirrored_here, mirrored_there = here + count, face[b] + count * ~opposed
-    links = (np.concatenate([here, mirrored_here]), np.concatenate([there, mirrored_there]))
-    graph = coo_array((np.ones(2 * len(a)), links), shape=(2 * count, 2 * count))
-    label = connected_components(graph, directed=False)[1]
+    begin, end = np.concatenate([here, mirrored_here]), np.concatenate([there, mirrored_there])
+    label = components(2 * count, begin, end)[1]
     as_is, turned = label[:count], label[count:]
     if np.any(as_is == turned):
         return faces, []  # one-sided

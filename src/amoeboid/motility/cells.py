@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.files import surface_file
 from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centroid
+from amoeboid.meshes.graphs import components
 from amoeboid.model.units import measured
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
@@ -211,8 +210,7 @@ def _check_closed(r: Array, faces: Index) -> None:
         raise InvalidInput(
             "the triangles of a measured surface must be oriented outward; reverse them"
         )
-    links = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])))
-    pieces = connected_components(links, directed=False)[0]
+    pieces, _ = components(len(r), *edges.T)
     if pieces > 1:
         raise InvalidInput(
             f"a measured surface must be one cell, this one has {pieces} pieces; keep one of them"

@@ -25,7 +25,8 @@ def dispatcher(kernel: Callable[..., Any], options: dict[str, bool]) -> Any:
     compile_one = made.compile
 
     def compile_or_load(signature: Any) -> Any:
-        with global_compiler_lock, kept.turn:
+        # numba imports its own functions when it first compiles, and those are compiled, too
+        with global_compiler_lock, kept.turn, _compilation():
             return compile_one(signature)
 
     made.compile = compile_or_load

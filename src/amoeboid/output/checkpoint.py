@@ -91,6 +91,7 @@ class CheckpointFile:
     ) -> None:
         self.path, self.given, self.schedule = path, given, schedule
         self._series, self._frames = series, frames
+        self._written = config_to_toml(given)
 
     def due(self, step: Step) -> bool:
         """Whether a checkpoint is due."""
@@ -100,7 +101,7 @@ class CheckpointFile:
         """Write the rows, and the checkpoint."""
         self._series.flush()
         checkpoint = Checkpoint(self.given, step, self._frames.times)
-        write_atomically(self.path, lambda p: write_checkpoint(p, checkpoint))
+        write_atomically(self.path, lambda p: _write(p, checkpoint, self._written))
         self.schedule.latest = step.state.t
 
     def finish(self, step: Step) -> None:
@@ -110,9 +111,13 @@ class CheckpointFile:
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Write a checkpoint; `read_checkpoint` reads it back with the same bits."""
+    _write(path, checkpoint, config_to_toml(checkpoint.config))
+
+
+def _write(path: Path, checkpoint: Checkpoint, config: str) -> None:
     step = checkpoint.step
     arrays = {
-        "config": np.array(config_to_toml(checkpoint.config)),
+        "config": np.array(config),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
         "rest_known": np.array([step.rest is not None, step.growth is not None]),

@@ -24,6 +24,7 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -167,6 +168,10 @@ class RunFolder:
         finally:
             self._lock.release()
 
+    @cached_property
+    def _versions(self) -> dict[str, str]:
+        return installed_versions()
+
     def write_manifest(self, status: str, **more: Any) -> None:
         """Write manifest.json; `status` is running, finished, interrupted, diverged or failed.
 
@@ -186,7 +191,7 @@ class RunFolder:
             "units": self.units,
             **({} if sizes is None else {"unit_sizes": asdict(sizes)}),
             "seed": self.config.initial.seed,
-            "versions": installed_versions(),
+            "versions": self._versions,
             "python": platform.python_version(),
             "platform": platform.platform(),
             **listed,
