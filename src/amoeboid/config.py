@@ -144,8 +144,8 @@ class Time:
     )
     finish: str = choice(
         "wait",
-        "how a run reaches the steady cell: wait for it, or solve for it by Newton's method "
-        "once it is near",
+        "how a run reaches the steady cell: wait for it, or solve the steady equations once it "
+        "is near",
         FINISHES,
     )
     until: tuple[str, ...] = texts(

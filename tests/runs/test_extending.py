@@ -219,7 +219,7 @@ def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(
         ),
         ("polarity", "nothing is compared"),
         ("polarity == 1", "use >, >=, < or <="),
-        ("__import__('os') > 1", "has no meaning"),
+        ("__import__('os') > 1", "is not allowed"),
         ("polarity > ", "must be a comparison such as"),
         ("t > 'x'", "'x' is not a number"),
         ("cortex_drag_heading > 1", "is not t, a parameter"),
