@@ -255,6 +255,11 @@ def observed(cell: Cell, names: Iterable[str] | None = None) -> dict[str, float]
 
     Those that need a mesh are left out for a cell without one. Raises InvalidInput, naming it, for
     an observable that fails or is no finite number.
+
+    >>> import amoeboid as am
+    >>> state = am.steady_states(am.Parameters(D=0.4, v_p0=6.0)).fastest_stable
+    >>> {k: round(v, 3) for k, v in am.observed(state.solution.cell, ["c_front", "c_rear"]).items()}
+    {'c_front': 0.775, 'c_rear': 13.138}
     """
     found: dict[str, float] = {}
     for name, known in selected(names).items():

@@ -51,9 +51,10 @@ def test_aligned_formulas_become_tables():
     assert mathml.mathml(lines, display=True).count("<mtr>") == 2
 
 
-def test_formula_that_cannot_be_shown_ends_the_build():
+@pytest.mark.parametrize("formula", [r"\nosuchcommand", r"\\dot{a} = 1"])
+def test_formula_that_cannot_be_shown_ends_the_build(formula):
     with pytest.raises(ExtensionError, match="no MathML for the formula"):
-        mathml.mathml(nodes.math("", r"\nosuchcommand"), display=False)
+        mathml.mathml(nodes.math("", formula), display=False)
 
 
 @pytest.mark.parametrize(

@@ -219,6 +219,10 @@ def growth_rate(p: Points, l: ArrayLike) -> Array:
 
     Exact for l = 1; for l >= 2 in the limit delta_P -> infinity. l broadcasts with the parameters.
     Raises InvalidInput unless l is a whole number >= 1.
+
+    >>> import amoeboid as am
+    >>> am.growth_rate(am.points(am.Parameters(D=0.4), v_p0=[5, 7]), l=1).round(4).tolist()
+    [-0.3064, 0.2911]
     """
     L = _degree(l)
     drive = L * flow_response(p, l) * p.c0 * mode_derivatives(p, l, 1)[1] / p.R0
@@ -247,6 +251,10 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
     is proportional to v_p0, otherwise all roots in 16 decades about the natural scale (the lowest
     100 of a law that wiggles forever). The printed `eq_vpc_compress` lacks a factor 1/2
     (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
+
+    >>> import amoeboid as am
+    >>> am.thresholds(am.Parameters(D=0.4)).v_p0.round(5).tolist()
+    [6.02566]
     """
     p = _single(p)
     if p.c0 == 0:

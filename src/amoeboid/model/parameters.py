@@ -453,6 +453,10 @@ def parameters_to_toml(p: Parameters) -> str:
     """The parameters as TOML text; `parameters_from_toml` reads them back equal.
 
     Raises InvalidInput for a law or a stress that a text cannot hold.
+
+    >>> p = Parameters(D=0.4)
+    >>> parameters_from_toml(parameters_to_toml(p)) == p
+    True
     """
     refuse_unwritable_relations(p)
     return toml_text(p.as_dict())
