@@ -148,7 +148,8 @@ def many_steady_states(
 ) -> ManySteadyStates:
     """The polarized steady state of every cell, computed side by side with JAX.
 
-    `cells` are points, or parameters of one law and one stress. The state is that on the branch of
+    `cells` are points, or parameters of one law and one stress; numbers are in the units of the
+    first. The state is that on the branch of
     l = 1 that leaves the sphere at the lowest threshold as v_p0 grows, where it is past its folds:
     the fastest. A few cells are followed from there; the others start from the nearest of them, and
     are followed too if that fails. With `start` all start from that state, and are not followed.
@@ -186,18 +187,33 @@ def many_steady_states(
 
 
 def _points_of(cells: Sequence[Parameters]) -> Points:
-    """A list of parameters as points. Raises InvalidInput if laws or stresses differ."""
+    """A list of parameters as points, in the units of the first.
+
+    Raises InvalidInput if laws or stresses differ, and if some have units and others none.
+    """
     if not cells or not all(isinstance(p, Parameters) for p in cells):
         raise InvalidInput(f"cells must be Points or a list of Parameters, got {cells!r:.200}")
     first = cells[0]
-    kinds = {(p.law.name, p.stress.name, *p.names) for p in cells}
-    if len(kinds) > 1:
+    if len({_relations(p) for p in cells}) > 1:
         raise InvalidInput(
             f"all cells must have the law {first.law.name!r} and the stress {first.stress.name!r}, "
             "got others too; ask for each law by itself"
         )
-    columns = {name: np.array([p.value(name) for p in cells]) for name in first.names}
+    if len({p.units is None for p in cells}) > 1:
+        raise InvalidInput(
+            "all cells must have physical units or none, got both; make them all with "
+            "Parameters.physical, or none"
+        )
+    columns = {name: np.array([p.value_in(name, first.units) for p in cells])
+               for name in first.names}  # fmt: skip
     return points(first, **columns)
+
+
+def _relations(p: Parameters) -> tuple[Any, ...]:
+    """Law and stress without the values of their own parameters, to be compared."""
+    return tuple(
+        relation.with_values(dict.fromkeys(relation.own, 0.0)) for relation in (p.law, p.stress)
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -246,7 +262,7 @@ def polarized_states(cells: Sequence[Any], **options: Any) -> list[Any]:
         if not isinstance(p, Parameters):
             answers[k] = InvalidInput(f"many_steady_states takes Parameters, got {p!r:.100}")
             continue
-        kind = (p.law.name, p.stress.name, p.names, repr(p.units), p.has_friction)
+        kind = (*_relations(p), repr(p.units), p.has_friction)
         groups.setdefault(kind, []).append(k)
     for places in groups.values():
         found = _answers([cells[k] for k in places], options)
