@@ -125,7 +125,7 @@ def test_cells_of_two_laws_and_with_and_without_units_are_refused(cells, message
 def test_cells_with_units_of_their_own_are_computed_in_those_of_the_first():
     small, large = (
         am.Parameters.physical(
-            R0=f"{10 * k} um", delta_P=f"{300 / k} Pa", D=f"{4 * k**2} um^2/s", v_p0=f"{6 * k} um/s"
+            R0=f"{10 * k} um", delta_P=f"{300 / k} Pa", D=f"{4 * k**2} um^2/s", v_p0=f"{3 * k} um/s"
         )
         for k in (1, 2)
     )
