@@ -1,4 +1,4 @@
-"""The README's commands and Python lines do what they say, on a small mesh."""
+"""Commands and Python lines of README and first session do what they say, on a small mesh."""
 
 import doctest
 import re
@@ -15,11 +15,15 @@ from surface.written import ellipsoid, write_surface
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
-README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
-BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README, flags=re.DOTALL)
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+FIRST_SESSION = (ROOT / "docs/first-session.md").read_text(encoding="utf-8")
+BLOCKS, SESSION = (
+    re.findall(r"```(\w+)\n(.*?)```", page, flags=re.DOTALL) for page in (README, FIRST_SESSION)
+)
 COMMANDS = [
     shlex.split(line, comments=True)[1:]
-    for kind, block in BLOCKS
+    for kind, block in BLOCKS + SESSION
     for line in block.splitlines()
     if kind == "sh" and line.startswith("amoeboid ")
 ]
@@ -46,22 +50,39 @@ def test_runs_of_the_readme_finish(arguments):
 
 def test_the_python_lines_of_the_readme_print_what_it_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    session, theory = [block for kind, block in BLOCKS if kind == "python"]
-    lines = doctest.DocTestParser().get_doctest(session, {}, "README.md", "README.md", 0)
-    result = doctest.DocTestRunner().run(lines)
-    assert result.attempted == 15
-    assert result.failed == 0, capsys.readouterr().out
-    exec(compile(theory, "README.md", "exec"), {})  # noqa: S102  (our own file)
+    (five,) = [block for kind, block in BLOCKS if kind == "python"]
+    assert checked(five, capsys) == 5
+
+
+def test_the_python_lines_of_the_first_session_print_what_it_says(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    session, theory = [block for kind, block in SESSION if kind == "python"]
+    assert checked(session, capsys) == 15
+    exec(compile(theory, "first-session.md", "exec"), {})  # noqa: S102  (our own file)
     assert f"# {capsys.readouterr().out}" in theory
+
+
+def checked(session, capsys):
+    """How many lines a session has; all of them print what it says."""
+    lines = doctest.DocTestParser().get_doctest(session, {}, "session", "session", 0)
+    result = doctest.DocTestRunner().run(lines)
+    assert result.failed == 0, capsys.readouterr().out
+    return result.attempted
+
+
+def test_the_readme_is_one_screen():
+    assert len(README.splitlines()) <= 70
 
 
 def test_the_readme_installs_runs_and_tests_in_a_line_each():
     lines = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
     setups = [line for line in lines if line.startswith("python3 -m venv")]
-    assert [line.split()[-1].rpartition("/")[2] for line in setups] == ["python", "run", "pytest"]
+    assert [line.split()[-1].rpartition("/")[2] for line in setups] == ["run", "pytest"]
 
 
-def test_every_command_of_the_readme_is_one_line():
+def test_every_command_of_readme_and_first_session_is_one_line():
     starts = {"amoeboid", "python3"}
-    lines = [line for kind, block in BLOCKS if kind == "sh" for line in block.splitlines()]
+    lines = [
+        line for kind, block in BLOCKS + SESSION if kind == "sh" for line in block.splitlines()
+    ]
     assert {line.split()[0] for line in lines} == starts

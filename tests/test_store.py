@@ -169,6 +169,7 @@ def test_what_a_killed_run_left_half_written_is_removed_when_it_is_resumed(tmp_p
         path.write_text("half")
     resumed, _ = resumed_run(run.folder, run.config)
     assert all(path.exists() for path in left)
+    run._lock.release()  # as the end of the process would
     resumed.begin()
     assert not any(path.exists() for path in left)
     assert own.exists()
@@ -639,7 +640,7 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path,
         config = replace(config, initial=Initial(perturbation=1.0, surface=shape))
     _, whole, _ = run_into(tmp_path / "whole", config)
     folder = new_folder(tmp_path / "killed")
-    new_run(folder, config)
+    new_run(folder, config)._lock.release()  # as the end of the process would
     again = ["run", "--resume", str(folder), "--json"]
     assert main([*again, "--set", "D=1"]) == 2
     assert "--resume keeps [parameters]" in capsys.readouterr().err

@@ -7,11 +7,9 @@ import sys
 import pytest
 
 import amoeboid as am
+from amoeboid.extras import EXTRAS
 
-OTHERS = (
-    "numba", "llvmlite", "matplotlib", "PIL", "xarray", "pandas", "jax", "vtk", "vtkmodules",
-    "pyvista", "pint", "tomli_w",
-)  # fmt: skip
+OTHERS = ("llvmlite", "threadpoolctl", "vtk", "pyvista", *(m for e in EXTRAS.values() for m in e))
 COMMANDS = {
     "theory --set D=0.4": "thresholds",
     "steady --set D=0.4 --set v_p0=5.5": "states",
@@ -64,7 +62,7 @@ def test_states_and_branches_without_numba_are_those_with_it(alone):
 
 
 def test_meshes_without_numba_are_refused_with_the_remedy(alone):
-    assert "need Numba, which is not installed; pip install numba" in alone["told"]
+    assert "need Numba, which is not installed; pip install 'amoeboid[surface]'" in alone["told"]
 
 
 @pytest.mark.parametrize(("command", "key"), COMMANDS.items())

@@ -24,6 +24,7 @@ from amoeboid.model.parameters import (
 )
 from amoeboid.motility.environments import CortexDrag, Environment
 from amoeboid.motility.words import environment, written
+from amoeboid.toml import toml_text
 from amoeboid.validation import (
     InvalidInput,
     automatic,
@@ -190,7 +191,7 @@ class Noise:
     def counted(cls, parameters: Parameters, seed: int = 0) -> Noise:
         """The noise of a cell in physical units, whose filaments are counted: 4 pi R0^2 c0.
 
-        Raises InvalidInput for parameters without units.
+        `seed`: that of its random numbers. Raises InvalidInput for parameters without units.
 
         >>> print(f"{Noise.counted(Parameters.physical()).filaments:.4g}")
         1.722e+06
@@ -216,7 +217,12 @@ def figure_3d() -> Parameters:
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """Everything that determines a run; the defaults are figure 3D of the paper."""
+    """Everything that determines a run; the defaults are figure 3D of the paper.
+
+    `changes`: of parameters in time, by name. `cue`: a `Cue`, or any object with its `factor`.
+    `environment`: an `Environment`, or its text, such as "patch:30"; its path is recorded. The
+    other sections are classes of their own.
+    """
 
     __repr__ = short_repr
 
@@ -250,7 +256,7 @@ class Config:
         return inputs_of(self.parameters, self.changes, self.cue)
 
     def section(self, name: str) -> dict[str, Any]:
-        """Names and values of a section, as a TOML file or JSON holds them; None is left open.
+        """What the section `name` holds, as a TOML file or JSON does; None is left open.
 
         Raises InvalidInput for what no file can hold.
         """
@@ -466,13 +472,11 @@ def config_to_toml(config: Config) -> str:
 
     Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
-    import tomli_w
-
     document = {
         section: {k: v for k, v in config.section(section).items() if v is not None}
         for section in SECTIONS
     }
-    return tomli_w.dumps(document)
+    return toml_text(document)
 
 
 def config_from_toml(text: str, name: str = "the configuration") -> Config:

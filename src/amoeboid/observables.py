@@ -86,13 +86,13 @@ class Cell(Protocol):
         """Integral over the surface of a field: a number of (P,), a vector (3,) of (P, 3)."""
 
     def maximum(self, field: Array) -> float:
-        """Maximum of a field (P,) over the surface, between the points too."""
+        """Maximum of a field (P,) over the surface, between the points too; in its unit."""
 
     def minimum(self, field: Array) -> float:
-        """Minimum of a field (P,) over the surface, between the points too."""
+        """Minimum of a field (P,) over the surface, between the points too; in its unit."""
 
     def max_length(self, field: Array) -> float:
-        """Maximum over the surface of the length of a vector field (P, 3).
+        """Maximum over the surface of the length of a vector field (P, 3), in its unit.
 
         Where the vectors vanish their length is not smooth: it is found from the squares.
         """
@@ -125,11 +125,11 @@ class Observable:
             )
 
     def columns(self, name: str) -> list[str]:
-        """Names of its columns in a table."""
+        """Names of its columns in a table, three for the vector `name`."""
         return [f"{name}_{axis}" for axis in "xyz"] if self.vector else [name]
 
     def values(self, name: str, cell: Cell) -> list[float]:
-        """Its numbers for a cell.
+        """The numbers of the observable `name` for a cell, one or three.
 
         Raises InvalidInput, naming it, if it fails or gives anything else than finite numbers.
         """
@@ -147,7 +147,7 @@ class Observable:
         return [float(value) for value in found.ravel()]
 
     def value(self, name: str, cell: Cell) -> Any:
-        """A number, or a vector (3,)."""
+        """The observable `name` of a cell: a number, or a vector (3,), in its dimension."""
         found = self.values(name, cell)
         return np.array(found) if self.vector else found[0]
 
@@ -174,7 +174,12 @@ OBSERVABLES = Observables()
 def observable(
     dimension: str | None = None, *, vector: bool = False, on_meshes: bool = False
 ) -> Callable[[Callable[[Any], Any]], Callable[[Any], Any]]:
-    """Register a function of a cell under its own name; for the rest see `Observable`."""
+    """Register a function of a cell as an observable, under its own name.
+
+    `dimension` of the number, such as "L/T"; `vector`: it gives a vector (3,); `on_meshes`: it
+    needs a cell with a mesh, and is left out for others. Raises InvalidInput where
+    the brackets are left out, and for a name that is none.
+    """
     if callable(dimension):
         raise InvalidInput(
             f"@observable takes the dimension, such as @observable('L/T') or @observable(), got "
@@ -246,7 +251,7 @@ def selected(names: Iterable[str] | None = None) -> Mapping[str, Observable]:
 
 
 def observed(cell: Cell, names: Iterable[str] | None = None) -> dict[str, float]:
-    """Observables of one cell by their columns, vectors as three of them; all for None.
+    """The observables `names` of one cell by columns, three for a vector; all for None.
 
     Those that need a mesh are left out for a cell without one. Raises InvalidInput, naming it, for
     an observable that fails or is no finite number.

@@ -1,17 +1,26 @@
 """One thread for linear algebra while the package computes, and as many as before after it.
 
 The matrices are small: threads take longer to start than to compute, and many runs go in parallel.
-Who sets one of `VARIABLES` in the environment decides instead.
+Who sets one of `VARIABLES` in the environment decides instead. Without threadpoolctl, which the
+extra `surface` brings, the threads stay as they are.
 """
 
 from __future__ import annotations
 
 import os
 from contextlib import ContextDecorator
+from functools import cache
+from importlib.util import find_spec
 from threading import Lock
 from typing import Any
 
 VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+
+@cache
+def controllable() -> bool:
+    """Whether threadpoolctl is installed."""
+    return find_spec("threadpoolctl") is not None
 
 
 class _OneThread(ContextDecorator):
@@ -24,7 +33,7 @@ class _OneThread(ContextDecorator):
 
     def __enter__(self) -> None:
         with self._lock:
-            if self._count == 0 and not any(name in os.environ for name in VARIABLES):
+            if self._count == 0 and self._ours():
                 self._limit = self._found().limit(limits=1, user_api="blas")
             self._count += 1
 
@@ -34,6 +43,10 @@ class _OneThread(ContextDecorator):
             if self._count == 0 and self._limit is not None:
                 self._limit.restore_original_limits()
                 self._limit = None
+
+    def _ours(self) -> bool:
+        """Whether the number of threads is ours to choose, and can be."""
+        return not any(name in os.environ for name in VARIABLES) and controllable()
 
     def _found(self) -> Any:
         """The libraries that are loaded; they are looked for once, which takes milliseconds."""

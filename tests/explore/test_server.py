@@ -4,6 +4,7 @@ import os
 import signal
 import socket
 import struct
+import sys
 import time
 from http.client import HTTPConnection
 from pathlib import Path
@@ -371,7 +372,7 @@ def test_wrong_arguments_are_refused_in_one_line(arguments, rule, tmp_path, monk
 
 
 def test_without_websockets_the_remedy_is_named(monkeypatch):
-    monkeypatch.setattr("amoeboid.explorer.needed.find_spec", lambda name: None)
+    monkeypatch.setitem(sys.modules, "websockets", None)
     with pytest.raises(am.InvalidInput, match=r"pip install 'amoeboid\[explore\]'"):
         am.explore(browser=False)
 

@@ -7,7 +7,7 @@ import pytest
 
 import amoeboid as am
 from amoeboid.cli.main import main
-from amoeboid.output.frames import frame_bytes
+from amoeboid.meshes.vtp import frame_bytes
 from motility.bodies import ellipsoid
 
 FIGURE_3D = ["--set", "D=0.4", "--set", "v_p0=6"]

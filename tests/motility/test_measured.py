@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import amoeboid as am
+from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.motility.cells import MeasuredCell
-from amoeboid.output.frames import frame_bytes
 from motility.bodies import ellipsoid
 
 

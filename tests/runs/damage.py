@@ -20,8 +20,7 @@ from pathlib import Path
 import numpy as np
 
 import amoeboid as am
-from amoeboid.output.frame_reader import _arrays
-from amoeboid.output.frames import frame_bytes
+from amoeboid.meshes.vtp import frame_bytes, vtp_arrays
 
 WORDS = [
     float("nan"), float("inf"), -1, 0, 1e308, 1e-308, 10**400, -(10**18), "", "x" * 5000, "\0", "∞",
@@ -140,7 +139,7 @@ NUMBERS = ("t", "zeta0", "cortex_drag_position")
 def in_frame(folder, rng):
     """With the right checksum."""
     path = folder / "frames/frame_00001.vtp"
-    arrays = _arrays(path.read_bytes())
+    arrays = vtp_arrays(path.read_bytes())
     n = len(arrays["c"])
     arrays = {k: v.reshape(n, 3) if v.size == 3 * n else v for k, v in arrays.items()}
     name = rng.choice(["Points", "connectivity", *FIELDS, *NUMBERS])

@@ -15,10 +15,11 @@ import pytest
 import amoeboid as am
 from amoeboid.cli.main import main
 from amoeboid.config import config_to_toml
+from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.output import lock, reading
 from amoeboid.output.folder import FORMAT
 from amoeboid.output.frame_reader import read_frame
-from amoeboid.output.frames import FrameFiles, collection, frame_arrays, frame_bytes
+from amoeboid.output.frames import FrameFiles, collection, frame_arrays
 from amoeboid.simulation.dense_output import Schedule
 from runs import damage
 
@@ -263,7 +264,8 @@ def test_two_processes_do_not_write_to_one_folder(folder, capsys):
     """The second is refused in one line and changes nothing; a killed one is no hindrance."""
     script = (
         "import sys, time\nfrom pathlib import Path\nfrom amoeboid.output.lock import FolderLock\n"
-        "FolderLock(Path(sys.argv[1])).take()\nprint('taken', flush=True)\ntime.sleep(60)\n"
+        "lock = FolderLock(Path(sys.argv[1]))\nlock.take()\n"
+        "print('taken', flush=True)\ntime.sleep(60)\n"
     )
     holder = subprocess.Popen(
         [sys.executable, "-c", script, str(folder)], stdout=subprocess.PIPE, text=True

@@ -1,6 +1,7 @@
 """Steady states, branches, phase diagrams and theory as users see them."""
 
 import pickle
+import sys
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,7 +12,6 @@ import amoeboid as am
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates, unstable_modes
 from amoeboid.closed_forms.linear import critical_speed
-from amoeboid.studies import columns
 
 BISTABLE = am.Parameters(D=0.4, v_p0=5.5)
 CELL = am.Parameters.physical(D="1 um^2/s", v_p0="2 um/s")  # smooth: few modes
@@ -186,7 +186,8 @@ def test_tables_hold_the_numbers_of_the_results(states, branch, diagram):
 
 
 def test_a_missing_package_is_named(states, monkeypatch):
-    monkeypatch.setattr(columns, "import_module", lambda name: __import__("no_such_package"))
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    monkeypatch.setitem(sys.modules, "xarray", None)
     with pytest.raises(am.InvalidInput, match=r"needs pandas.*amoeboid\[data\]"):
         states.to_pandas()
     with pytest.raises(am.InvalidInput, match="needs xarray"):

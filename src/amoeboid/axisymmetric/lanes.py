@@ -18,12 +18,12 @@ import numpy as np
 from amoeboid.axisymmetric.spectral import grid
 from amoeboid.axisymmetric.steady import FRICTION, recorded_equations, strong_units
 from amoeboid.axisymmetric.unknowns import Fields, maps_of, unknown_count
+from amoeboid.extras import needed
 from amoeboid.model.parameters import ParameterPoint
 from amoeboid.model.polymerization import Law
 from amoeboid.model.stress import Stress
 from amoeboid.numerics import lanes
 from amoeboid.numerics.traced import Traced, untraced
-from amoeboid.validation import InvalidInput
 
 FOLLOWING, AT_SPEED, FOUND, STALLED, NONE, OUTSIDE = range(6)
 """What a lane does, or how it ended: along the branch, at its v_p0, and see `ENDS`."""
@@ -175,14 +175,7 @@ def _fields(x: Any, n: int) -> dict[str, Any]:
 
 def jax() -> Any:
     """The module of JAX. Raises InvalidInput where it is not installed."""
-    try:
-        import jax
-    except ImportError as error:
-        raise InvalidInput(
-            "steady states of many cells side by side need JAX, which is not installed; "
-            "pip install 'amoeboid[gpu]'"
-        ) from error
-    return jax
+    return needed("jax", "steady states of many cells side by side need")
 
 
 def _jnp() -> Any:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_observables,
@@ -68,7 +68,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max-points", type=whole, default=400, metavar="N", help="stop after N points (400)"
     )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    add_plot(parser)
     parser.epilog = (
         "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
         "other parameter at the polarized states at --from and where the sphere loses stability\n"
@@ -115,12 +115,13 @@ def execute(args: argparse.Namespace) -> int:
         say_parameters(p)
         _print_branch(found, names)
     code = 0 if found.complete else INCOMPLETE
-    if args.plot is None:
-        return code
-    from amoeboid.plotting import branches
 
-    succeeded = drawn("branch", args.plot, lambda path: branches.write_branch(found, path))
-    return code if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.branches import write_branch
+
+        write_branch(found, path)
+
+    return drawn("branch", args.plot, draw, code)
 
 
 def _mesh(subdivisions: int) -> Any:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from amoeboid.cli.output import say
 from amoeboid.cli.settings import add_parameters, only_parameters, print_json, real
+from amoeboid.extras import check
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def execute(args: argparse.Namespace) -> int:
     """Serve the page until it is told to stop, or write it."""
     if args.export is not None:
         return _export(args)
-    from amoeboid.explorer.needed import check_websockets
+    from amoeboid.explorer.needed import check_packages
     from amoeboid.explorer.notebook import checked_folder, checked_idle
     from amoeboid.explorer.server import Server
 
@@ -66,7 +67,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput("--set and --physical belong to --export; the page has sliders for them")
     folder = checked_folder(args.output)
     checked_idle(args.idle)
-    check_websockets()
+    check_packages()
 
     def started(server: Server) -> None:
         if args.json:
@@ -100,6 +101,7 @@ def _export(args: argparse.Namespace) -> int:
         raise InvalidInput(f"--export must name a page (.html), got {str(path)!r}")
     if not path.parent.is_dir():
         raise InvalidInput(f"--export must name a file in a folder that exists, got {str(path)!r}")
+    check("--export needs", "matplotlib")
     p = only_parameters(args)
     with shown() as watch:
         size = write_page(p, path, watch)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from amoeboid.cli.output import say
-from amoeboid.cli.settings import path, print_json, real
+from amoeboid.cli.settings import add_json, path, print_json, real
 
 MANY = 4  # files that are named one by one
 
@@ -41,9 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--fps", type=real, help="frames a second of a movie (default 25)")
     parser.add_argument("--force", action="store_true", help="replace files that are there")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
-    )
+    add_json(parser)
     parser.epilog = (
         "Numbers are in the units of the run: um, s, ... where it has physical parameters.\n"
         "Every file is written under another name first and then renamed. What the formats hold\n"

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import FAILURE
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, drawn
+from amoeboid.cli.pictures import NO_PICTURE, drawn_together
 from amoeboid.cli.settings import add_parameters, parameters_from, print_json
 from amoeboid.cli.tables import table, width
+from amoeboid.extras import check
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput
 
@@ -69,6 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.figures.figure import checked_formats
 
     formats = checked_formats(args.formats or ["png"])
+    check("the figures need", "matplotlib", "pint")
     if not args.names:
         found = [figures.named(name) for name in figures.names()]
         if args.json:
@@ -142,12 +144,9 @@ def _made(
     files = figure.write_tables(data, args.output)
     code = FAILURE if data.problems else 0
     for one in formats:
-        succeeded = drawn(
-            "figure",
-            args.output / f"{figure.name}.{one}",
-            partial(_draw, figure, data),
-        )
-        files += [args.output / f"{figure.name}.{one}"] if succeeded else []
+        picture = args.output / f"{figure.name}.{one}"
+        succeeded = drawn_together("figure", {picture: partial(_draw, figure, data)})
+        files += [picture] if succeeded else []
         code = code if succeeded else NO_PICTURE
     seconds = time.monotonic() - begun
     for problem in data.problems:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_parameters,
@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--starts", type=whole, default=3, help="number of starts of the search (default: 3)"
     )
     parser.add_argument("--seed", type=whole, default=0, help="of the further starts (default: 0)")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the fit (.png .pdf .svg)")
+    add_plot(parser, "the fit")
     parser.epilog = (
         "Columns of DATA.csv: theta [deg]; u [um/s], the retrograde flow from front to rear;\n"
         "c [1/um^2] or c [a.u.]; any observable (zeta0 [mN/m]); u_error [um/s] etc.; cell.\n"
@@ -97,12 +97,13 @@ def execute(args: argparse.Namespace) -> int:
         print_json(_document(found, intervals))
     else:
         _say(data, p, found, intervals, args.level)
-    if args.plot is None:
-        return 0
-    from amoeboid.plotting import fits
 
-    succeeded = drawn("fit", args.plot, lambda path: fits.write_fit(found, path))
-    return 0 if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.fits import write_fit
+
+        write_fit(found, path)
+
+    return drawn("fit", args.plot, draw)
 
 
 def _bounds(text: str) -> tuple[str, tuple[Any, Any]]:

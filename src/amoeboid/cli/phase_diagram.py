@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_parameters,
@@ -66,7 +66,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--columns", type=whole, default=40, metavar="N", help="values of it (40)")
     parser.add_argument("--rows", type=whole, default=40, metavar="N", help="values of v_p0 (40)")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    add_plot(parser)
     parser.epilog = PLOT_FAILS
 
 
@@ -99,14 +99,13 @@ def execute(args: argparse.Namespace) -> int:
     else:
         say_parameters(p)
         _print_diagram(diagram)
-    if args.plot is None:
-        return 0
-    from amoeboid.plotting import branches
 
-    succeeded = drawn(
-        "phase-diagram", args.plot, lambda path: branches.write_phase_diagram(diagram, path)
-    )
-    return 0 if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.branches import write_phase_diagram
+
+        write_phase_diagram(diagram, path)
+
+    return drawn("phase-diagram", args.plot, draw)
 
 
 def _document(diagram: PhaseDiagram) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import logging
 import os
 from collections.abc import Callable, Iterator, Mapping
@@ -10,12 +11,18 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from amoeboid.cli.output import tell
+from amoeboid.extras import check
 from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
 PLOT_FAILS = "Exit code 1 if the picture of --plot cannot be drawn; results are printed before."
 Draw = Callable[[Path], object]
 SUFFIXES = (".png", ".pdf", ".svg")
+
+
+def add_plot(parser: argparse.ArgumentParser, what: str = "it") -> None:
+    """Declare --plot."""
+    parser.add_argument("--plot", type=Path, metavar="FILE", help=f"draw {what} (.png .pdf .svg)")
 
 
 def check_picture(path: Path | None) -> None:
@@ -32,15 +39,19 @@ def check_picture(path: Path | None) -> None:
         raise InvalidInput(
             f"--plot must lie in a folder that can be written to, got {str(path)!r}; choose another"
         )
+    check("--plot needs", "matplotlib")
 
 
-def drawn(command: str, path: Path, draw: Draw) -> bool:
-    """Let `draw` write a picture to `path`; if it fails, that is one message, and False."""
-    return drawn_together(command, {path: draw})
+def drawn(command: str, path: Path | None, draw: Draw, code: int = 0) -> int:
+    """The exit code of a command: `code`, unless the picture of --plot cannot be drawn."""
+    return code if path is None or drawn_together(command, {path: draw}) else NO_PICTURE
 
 
 def drawn_together(command: str, pictures: Mapping[Path, Draw]) -> bool:
-    """The same for several at a time: all but the first are to be drawn by processes of theirs."""
+    """Let each function write a picture to its path; one that fails is one message, and False.
+
+    All but the first are to be drawn by processes of theirs.
+    """
     # of fonts and caches that a file of settings or a folder lacks
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     (path, draw), *others = pictures.items()

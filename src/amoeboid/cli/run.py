@@ -22,6 +22,7 @@ from amoeboid.cli.settings import (
 )
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, anchored, config_from_toml, with_settings
+from amoeboid.extras import check
 from amoeboid.validation import InvalidInput, refuse_unknown
 
 if TYPE_CHECKING:
@@ -84,6 +85,7 @@ def execute(args: argparse.Namespace) -> int:
 
     if args.resume is not None and (args.config is not None or args.output is not None):
         raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
+    check("a simulation needs", "numba", "PIL")
     began = time.perf_counter()
     if args.observe:
         from amoeboid.cli.scripts import observed_names

@@ -36,6 +36,11 @@ def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> No
         help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+(c/c_r)**n)' with "
         f"law.n=3, 'stress=k*c**2' with stress.k=0.3){others}; repeatable",
     )
+    add_json(parser)
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Declare --json."""
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on standard output, nothing else"
     )

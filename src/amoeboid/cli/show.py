@@ -6,7 +6,7 @@ import argparse
 
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import NO_PICTURE
-from amoeboid.cli.settings import path, print_json
+from amoeboid.cli.settings import add_json, path, print_json
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -18,9 +18,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="file of the picture (.png; default: cell.png in RUN)",
     )
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
-    )
+    add_json(parser)
     parser.epilog = (
         "Observables are those at the end. Units are those of the run: um, s, ... where it has\n"
         "physical parameters. Exit code 1: a part of the run could not be read, or the picture\n"

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
 from amoeboid.cli.progress import shown
 from amoeboid.cli.settings import (
     add_observables,
@@ -28,9 +28,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `steady`."""
     add_parameters(parser)
     add_observables(parser)
-    parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw the states (.png .pdf .svg)"
-    )
+    add_plot(parser, "the states")
     parser.epilog = (
         "Searched: the branches that bifurcate from the homogeneous sphere in l = 1, 2, 3.\n"
         "c_front and c_rear: the lowest and the highest concentration on the surface.\n"
@@ -58,12 +56,13 @@ def execute(args: argparse.Namespace) -> int:
         say_parameters(p)
         titles, rows = states_rows(found.states, names)
         say(*table(titles, rows, limit=width()))
-    if args.plot is None:
-        return 0
-    from amoeboid.plotting import branches
 
-    succeeded = drawn("steady", args.plot, lambda path: branches.write_states(found, path))
-    return 0 if succeeded else NO_PICTURE
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.branches import write_states
+
+        write_states(found, path)
+
+    return drawn("steady", args.plot, draw)
 
 
 def _document(found: SteadyStates, names: Sequence[str]) -> dict[str, Any]:

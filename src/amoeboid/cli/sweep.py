@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.exit_codes import FAILURE
 from amoeboid.cli.output import say, tell
-from amoeboid.cli.pictures import NO_PICTURE, PLOT_FAILS, check_picture, drawn
-from amoeboid.cli.settings import print_json, whole
+from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
+from amoeboid.cli.settings import add_json, print_json, whole
+from amoeboid.extras import needed
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
@@ -56,11 +57,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--dry-run", action="store_true", help="say how many points there are, and compute none"
     )
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw it (.png .pdf .svg)")
+    add_plot(parser)
     parser.add_argument("--show", metavar="NAME", help="what --plot draws (max_retrograde_speed)")
-    parser.add_argument(
-        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
-    )
+    add_json(parser)
     parser.epilog = (
         "The file has tables [base] (parameters that stay), [vary] (those that vary: lists, or\n"
         "{linspace = [4, 8, 41]}, {logspace = [0.01, 1, 20]}), [solver] with name = theory,\n"
@@ -137,9 +136,7 @@ def _executor(scheduler: str | None) -> Iterator[Any]:
     if scheduler is None:
         yield None
         return
-    from amoeboid.studies.columns import needed
-
-    distributed = needed("distributed", "[dask]")
+    distributed = needed("distributed", "--scheduler needs")
     try:
         client = distributed.Client(scheduler, timeout=20)
     except (OSError, ValueError, TimeoutError) as error:
@@ -194,10 +191,10 @@ def _told(args: argparse.Namespace, found: Sweep, folder: Path) -> int:
         say(*(f"failed: {failure!r}" for failure in found.failed[:MAX_TOLD]))
         if len(failed) > MAX_TOLD:
             say(f"... and {len(failed) - MAX_TOLD} more, see `why` in the table")
-    if args.plot is None:
-        return 0
-    from amoeboid.plotting.sweeps import write_sweep
 
-    return (
-        0 if drawn("sweep", args.plot, lambda p: write_sweep(found, p, args.show)) else NO_PICTURE
-    )
+    def draw(path: Path) -> None:
+        from amoeboid.plotting.sweeps import write_sweep
+
+        write_sweep(found, path, args.show)
+
+    return drawn("sweep", args.plot, draw)

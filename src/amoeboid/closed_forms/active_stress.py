@@ -30,7 +30,11 @@ class Meridian:
 
 
 def strain_tensor(gradient: ArrayLike, normal: ArrayLike) -> Array:
-    """E = grad_s v . I_s + I_s . (grad_s v)^T, tangential, of any velocity; SI, before `metric`."""
+    """E = grad_s v . I_s + I_s . (grad_s v)^T [1/T], tangential, of any velocity (..., 3, 3).
+
+    `gradient` (..., 3, 3) is grad_s v [1/T], `normal` (..., 3) the outward unit normal; SI
+    `metric`, text before it.
+    """
     P = _projector(normal)
     tangential = P @ np.asarray(gradient) @ P
     return tangential + np.swapaxes(tangential, -1, -2)
@@ -39,7 +43,11 @@ def strain_tensor(gradient: ArrayLike, normal: ArrayLike) -> Array:
 def viscous_stress(
     gradient: ArrayLike, normal: ArrayLike, eta_s: ArrayLike, eta_b: ArrayLike
 ) -> Array:
-    """Viscous surface stress of a velocity field [M/T^2]; SI `passive`."""
+    """Viscous surface stress of a velocity field (..., 3, 3) [M/T^2]; SI `passive`.
+
+    `gradient` (..., 3, 3) is its surface gradient [1/T], `normal` (..., 3) the outward unit normal;
+    eta_s and eta_b [M/T] broadcast.
+    """
     E = strain_tensor(gradient, normal)
     dilatation = np.trace(E, axis1=-2, axis2=-1) / 2
     return _scalar(eta_b * dilatation) * _projector(normal) + _scalar(eta_s) * E
@@ -52,9 +60,10 @@ def active_stress(
     eta_s: ArrayLike,
     eta_b: ArrayLike,
 ) -> Array:
-    """sigma_active = -v_p (eta_b H I_s + 2 eta_s grad_s n) [M/T^2]; SI `activestress3`.
+    """sigma_active = -v_p (eta_b H I_s + 2 eta_s grad_s n) (..., 3, 3) [M/T^2]; SI `activestress3`.
 
-    curvature is grad_s n, whose eigenvalues are the principal curvatures (1/R0 on a sphere).
+    `curvature` (..., 3, 3) is grad_s n [1/L], whose eigenvalues are the principal curvatures (1/R0
+    on a sphere), `normal` (..., 3) the outward unit normal.
     """
     curvature = np.asarray(curvature, dtype=float)
     curvature_sum = np.trace(curvature, axis1=-2, axis2=-1)
@@ -71,9 +80,11 @@ def single_velocity_stress(
     eta_s: ArrayLike,
     eta_b: ArrayLike,
 ) -> Array:
-    """The stress in terms of the full velocity v [M/T^2]; SI `activestress`.
+    """The stress in terms of the full velocity v (..., 3, 3) [M/T^2]; SI `activestress`.
 
-    Equal to `viscous_stress` of v_c = v - v_p n.
+    Equal to `viscous_stress` of v_c = v - v_p n. Arguments as there and in `active_stress`:
+    `gradient` is grad_s v, `curvature` grad_s n, `normal` n; v_p [L/T], eta_s and eta_b [M/T]
+    broadcast.
     """
     passive = viscous_stress(gradient, normal, eta_s, eta_b)
     return passive + active_stress(curvature, normal, v_p, eta_s, eta_b)
@@ -82,7 +93,8 @@ def single_velocity_stress(
 def principal_curvatures(meridian: Meridian) -> tuple[Array, Array]:
     """Curvatures along the meridian and along the parallel [1/L], positive on a sphere.
 
-    Raises InvalidInput where r <= 0 (at the poles both curvatures are that of the meridian).
+    Each of the shape of the meridian's points; SI `activestress3`. Raises InvalidInput where r <= 0
+    (at the poles both curvatures are that of the meridian).
     """
     r, r_x, z_x, r_xx, z_xx = (
         np.asarray(getattr(meridian, name), dtype=float) for name in meridian.__dataclass_fields__
@@ -101,7 +113,11 @@ def principal_curvatures(meridian: Meridian) -> tuple[Array, Array]:
 def principal_active_stresses(
     meridian: Meridian, v_p: ArrayLike, eta_s: ArrayLike, eta_b: ArrayLike
 ) -> tuple[Array, Array]:
-    """sigma_active of a surface of revolution: along the meridian, along the parallel [M/T^2]."""
+    """sigma_active of a surface of revolution: along the meridian, along the parallel [M/T^2].
+
+    Each of the shape of the meridian's points, which v_p [L/T], eta_s and eta_b [M/T] broadcast
+    with. SI `activestress3`.
+    """
     curvatures = principal_curvatures(meridian)
     v_p, eta_s, eta_b = (np.asarray(a, dtype=float) for a in (v_p, eta_s, eta_b))
     bulk = eta_b * sum(curvatures)

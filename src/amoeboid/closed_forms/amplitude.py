@@ -2,7 +2,8 @@
 
 a is the amplitude of the first harmonic of c [N/L^2]; all coefficients are dimensional and belong
 to delta_P of the points. `infinite_pressure` (points.py) gives those of the rigid sphere, which the
-paper prints. Notation: docs/theory.md.
+paper prints. Notation: docs/theory.md. Results
+have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations

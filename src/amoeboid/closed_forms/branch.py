@@ -2,8 +2,9 @@
 
     v_p0 = v_p^c + v_2 a^2 + v_4 a^4 + ...
 
-The paper keeps v_2 (its cubic amplitude equation); v_4 tells where that stops being good. All of it
-is at delta_P of the points; `infinite_pressure` (points.py) gives the rigid sphere of the paper.
+The paper keeps v_2 (its cubic amplitude equation, main text `WNLA`); v_4 tells where that stops
+being good. All of it is at delta_P of the points; `infinite_pressure` (points.py) gives the rigid
+sphere of the paper. Results have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations
@@ -154,7 +155,8 @@ def flow_speed(p: Points, amplitude: ArrayLike) -> Array:
 
 @finite_result
 def flow_speed_at_threshold(p: Points, amplitude: ArrayLike) -> Array:
-    """The same with the prefactor at the threshold, (D/R0 + beta R0/2) a/c0 [L/T]; `eq_vMig_inv`.
+    """The same with the prefactor at the threshold, (D/R0 + beta R0/2) a/c0 [L/T]; SI
+    `eq_vMig_inv`.
 
     The consistent leading order, the same for every law; the paper uses it for the inverse law and
     for its 0.17 um/s.
@@ -163,7 +165,7 @@ def flow_speed_at_threshold(p: Points, amplitude: ArrayLike) -> Array:
 
 
 def harmonics(p: AnyPoints, amplitude: ArrayLike) -> Harmonics:
-    """The harmonics that a polarization of this amplitude carries, at leading order.
+    """The harmonics that a polarization of an amplitude carries, to leading order (docs/theory.md).
 
     a, m_2 a^2, m_3 a^3 [N/L^2], and those of the shape, r_2 a^2, r_3 a^3 [1].
     """

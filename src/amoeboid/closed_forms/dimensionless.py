@@ -1,4 +1,7 @@
-"""The paper's dimensionless numbers (the barred symbols); all need beta > 0."""
+"""The paper's dimensionless numbers (the barred symbols); all need beta > 0.
+
+They are defined in docs/notation.md, and have the shape of the points.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,9 @@
 """Flow and shape that a polarized concentration drives, to third order.
 
 theta is the polar angle from the rear (the pole of high concentration, for a > 0). On a sphere
-(rho_2 = rho_3 = 0) these are the formulas of the paper's supplement.
+(rho_2 = rho_3 = 0) these are the formulas of the paper's supplement, SI
+`eq_v_cortex_coeffs_second_order` and `eq_def_flow_potential`. Results
+have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations

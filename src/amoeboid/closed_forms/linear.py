@@ -4,7 +4,8 @@ Notation: S = eta_s + eta_b, L = l(l+1), f_k the k-th derivative of the law at c
 stress tau(c) (elastic, active) acts as a polymerization speed of -R0 tau/(2S) would: flows follow
 w(c) = v_p(c) - R0 tau(c)/(2S), the motion of the membrane v_p alone. Friction, Gamma = gamma_t +
 gamma_c, slows the flow of every mode; that of mode l = 1, in which the cell moves as a whole, by
-gamma_eff alone (docs/theory.md, docs/forces.md).
+gamma_eff alone (docs/theory.md, docs/forces.md). Results
+have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations
@@ -90,7 +91,7 @@ def stress_slope(p: Points) -> Array:
 
 @finite_result
 def driving_slope(p: Points) -> Array:
-    """w_1 = v_p'(c0) + K_1, the slope that drives the flow; negative where it polarizes."""
+    """w_1 = v_p'(c0) + K_1 [L^3/(T N)], the slope that drives the flow; < 0 where it polarizes."""
     return driving_derivatives(p, 1)[1]
 
 
@@ -127,7 +128,7 @@ def flow_response(p: AnyPoints, l: ArrayLike) -> Array:
 def mode_derivatives(
     p: Points, l: ArrayLike, order: int, driving: tuple[Array, ...] | None = None
 ) -> tuple[Array, ...]:
-    """What drives the flow of mode l, the k-th derivatives at c0 [L/T over powers of N/L^2].
+    """What drives the flow of mode l: derivatives at c0, to `order` [L/T over powers of N/L^2].
 
     w_k, and in mode l = 1 `push_share` times those of m v_p, with m(c) of `forces.friction`.
     `driving`: the w_k, where they are known.
@@ -229,7 +230,8 @@ def growth_rate(p: Points, l: ArrayLike) -> Array:
 def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
     """The slope of what drives mode l, at which lambda_l = 0 [L^3/(T N)]; needs c0 > 0.
 
-    That is w_1 without friction of the cortex; see `mode_derivatives`.
+    That is w_1 without friction of the cortex; see `mode_derivatives`. Raises InvalidInput where
+    c0 = 0.
     """
     if np.any(np.asarray(p.c0) == 0):
         raise InvalidInput("c0 must be > 0 for a threshold, got 0: there is nothing to advect")
@@ -240,10 +242,10 @@ def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
 def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
     """Every v_p0 > 0 with lambda_l = 0, whatever the law; SI `vpc`, `vpc_inv`, `eq_vpc_compress`.
 
-    p is a single point, its v_p0 is not used. Closed form if the law is proportional to v_p0,
-    otherwise all roots in 16 decades about the natural scale (the lowest 100 of a law that wiggles
-    forever). The printed `eq_vpc_compress` lacks a
-    factor 1/2 (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
+    p is a single point, its v_p0 is not used; l is the degree of the mode. Closed form if the law
+    is proportional to v_p0, otherwise all roots in 16 decades about the natural scale (the lowest
+    100 of a law that wiggles forever). The printed `eq_vpc_compress` lacks a factor 1/2
+    (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
     """
     p = _single(p)
     if p.c0 == 0:
@@ -314,7 +316,7 @@ def proportional_to_speed(p: AnyPoints) -> bool:
 
 @finite_result
 def finite_pressure_matrix(p: Points, l: ArrayLike) -> Array:
-    """The 2x2 matrix M of d(c_l, rho_l)/dt = M (c_l, rho_l), shape (..., 2, 2), for l >= 2.
+    """The matrix M (..., 2, 2) of d(c_l, rho_l)/dt = M (c_l, rho_l) for l >= 2 [1/T, c_l in N/L^2].
 
     Exact at any delta_P, with r = R0 (1 + rho_l P_l); generalizes SI `lambdal`, derived in
     docs/theory.md, with friction and bending in docs/forces.md. Raises InvalidInput unless l is a

@@ -1,7 +1,8 @@
 """Competition of filaments for monomers: what the paper reads off an in-vitro experiment.
 
 A comet grows at B exp(-C t) while it uses up the monomers of its microwell, so that its speed is
-proportional to what is left. Any consistent units; concentrations as numbers per volume or area.
+proportional to what is left (SI `eq_vp_lit` to `eqRatioInVivo`). Any consistent units;
+concentrations as numbers per volume or area.
 """
 
 from __future__ import annotations
@@ -28,12 +29,12 @@ class ExponentialDecay:
 
 
 def growth_speed(decay: ExponentialDecay, t: ArrayLike) -> Array:
-    """v_p(t) [L/T]; SI `eq_vp_lit`."""
+    """v_p(t) [L/T], of the shape of t [T]; SI `eq_vp_lit`."""
     return decay.B * np.exp(-decay.C * np.asarray(t, dtype=float))
 
 
 def monomers(decay: ExponentialDecay, t: ArrayLike) -> Array:
-    """Monomers left at time t [N/L^3]; SI `eq_cmono_lit`, `eq_cmono_lit2`."""
+    """Monomers left [N/L^3], of the shape of t [T]; SI `eq_cmono_lit`, `eq_cmono_lit2`."""
     grown = decay.B * -np.expm1(-decay.C * np.asarray(t, dtype=float)) / decay.C
     return decay.mu_0 - consumption(decay) * grown
 
@@ -44,14 +45,14 @@ def consumption(decay: ExponentialDecay) -> float:
 
 
 def speed_at(decay: ExponentialDecay, mu: ArrayLike) -> Array:
-    """Growth speed at a monomer concentration, B mu/mu_0 [L/T]; SI `eq_vp_monomer`."""
+    """Growth speed B mu/mu_0 [L/T], of the shape of mu [N/L^3]; SI `eq_vp_monomer`."""
     return decay.B / decay.mu_0 * np.asarray(mu, dtype=float)
 
 
 def monomer_ratio(mu: ArrayLike, h: ArrayLike, c: ArrayLike) -> Array:
     """mu_bar = mu h/c, monomers per filament in a layer of thickness h [1]; main text.
 
-    Raises InvalidInput unless c > 0.
+    mu [N/L^3], h [L] and c [N/L^2] broadcast. Raises InvalidInput unless c > 0.
     """
     c = np.asarray(c, dtype=float)
     if not np.all(c > 0):

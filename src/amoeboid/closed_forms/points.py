@@ -114,7 +114,7 @@ def _with_numbers(base: Points, numbers: dict[str, Any]) -> Points:
 
 
 def points(base: AnyPoints, **changes: Any) -> Points:
-    """`base` with parameters replaced by arrays; the arrays must broadcast.
+    """`base` with the `changes`, arrays by name of a parameter; they must broadcast.
 
     Raises InvalidInput for an unknown name, a value outside its range, or shapes that clash.
 

@@ -1,7 +1,8 @@
 """Linear response of the homogeneous sphere: to a cue v_p(c) (1 + strength cos(theta)), to noise.
 
 Below threshold the sphere is stable, and a weak cue polarizes it in proportion to its strength;
-shot noise of the filaments keeps up a polarization. Derived in docs/theory.md.
+shot noise of the filaments keeps up a polarization. Derived in docs/theory.md. Results
+have the shape that all arguments broadcast to.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 R0 - h < r < R0; the outer face moves inwards with v_p, the inner face is free of traction, and the
 stress is that of a compressible viscous fluid (SI `eq3DStress`). lambda_3d is the first
-Lame-type coefficient: the bulk viscosity is lambda_3d + 2 mu_3d/3, not lambda_3d.
+Lame-type coefficient: the bulk viscosity is lambda_3d + 2 mu_3d/3, not lambda_3d. Values of a
+cortex and r broadcast.
 """
 
 from __future__ import annotations
@@ -74,13 +75,13 @@ def surface_viscosities(cortex: Cortex) -> tuple[Array, Array]:
 
 
 def cylinder_velocity(cortex: Cortex, r: ArrayLike) -> Array:
-    """v_r(r) in the wall of the cylinder [L/T]; SI `eqvR`."""
+    """v_r(r) in the wall of the cylinder [L/T], of the shape of r [L]; SI `eqvR`."""
     s = _cylinder(cortex)
     return s.A * _inside(cortex, r) + s.B / np.asarray(r)
 
 
 def sphere_velocity(cortex: Cortex, r: ArrayLike) -> Array:
-    """v_r(r) in the shell of the ball [L/T]; the calculation behind SI `eqViscositiesSphere`."""
+    """v_r(r) in the shell of the ball [L/T], for r [L]; behind SI `eqViscositiesSphere`."""
     s = _sphere(cortex)
     return s.A * _inside(cortex, r) + s.B / np.asarray(r) ** 2
 

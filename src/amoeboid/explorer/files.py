@@ -13,6 +13,7 @@ from typing import Any
 
 from amoeboid.explorer.presets import offered
 from amoeboid.explorer.recipe import STARTS
+from amoeboid.extras import needed
 from amoeboid.plotting import palette
 
 MODULES = {"amoeboid/plots": "plots.js", "amoeboid/sources": "sources.js"}
@@ -77,6 +78,7 @@ def _import_map(modules: dict[str, str], attributes: str = "") -> str:
 
 
 def _common() -> dict[str, Any]:
+    needed("matplotlib", "the explorer needs")
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib.util import find_spec
 from pathlib import Path
 from shutil import which
 from typing import Any
 
 from amoeboid.explorer.recipe import ELONGATED, NOISE, STRETCH, SURFACE, Recipe
 from amoeboid.exports.export import export
+from amoeboid.extras import installed
 from amoeboid.runs.solution import Solution, simulate
 from amoeboid.runs.stored import load
 
@@ -36,7 +36,7 @@ def movie_of(folder: Path) -> Path:
 
     Raises InvalidInput, OSError.
     """
-    encoder = find_spec("imageio_ffmpeg") is not None or which("ffmpeg") is not None
+    encoder = installed("imageio_ffmpeg") or which("ffmpeg") is not None
     run, kind = load(folder), "mp4" if encoder else "gif"
     every = 1 + len(run.frames) // MAX_PICTURES
     (path,) = export(

@@ -1,16 +1,10 @@
-"""The one package that the explorer needs besides those of amoeboid."""
+"""The packages that the explorer needs besides those of a simulation."""
 
 from __future__ import annotations
 
-from importlib.util import find_spec
-
-from amoeboid.validation import InvalidInput
+from amoeboid.extras import check
 
 
-def check_websockets() -> None:
-    """Raise InvalidInput, saying how to install it, where websockets is missing."""
-    if find_spec("websockets") is None:
-        raise InvalidInput(
-            "the explorer needs the package websockets, which is not installed: "
-            "pip install 'amoeboid[explore]'"
-        )
+def check_packages() -> None:
+    """Raise InvalidInput, saying how to install it, where one is missing."""
+    check("the explorer needs", "websockets", "matplotlib", "numba", "PIL")

@@ -10,7 +10,7 @@ from concurrent.futures import Future
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.explorer.needed import check_websockets
+from amoeboid.explorer.needed import check_packages
 from amoeboid.terminal import in_notebook
 from amoeboid.validation import InvalidInput
 
@@ -109,7 +109,7 @@ def explore(*, folder: Any = ".", idle: float = IDLE, browser: bool | None = Non
     """
     path = checked_folder(folder)
     checked_idle(idle)
-    check_websockets()
+    check_packages()
     explorer = Explorer(path, float(idle))
     if browser if browser is not None else not in_notebook():
         webbrowser.open(explorer.address)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.extras import check
 from amoeboid.output.frames import frame_arrays
 from amoeboid.runs.run import Run
 from amoeboid.runs.stored import StoredFrames
@@ -140,8 +140,8 @@ class Format:
     """A format of exports: what it is, the ending of its files, and how they are written.
 
     `files` gives the names of the files of a job, each with the function that writes it under a
-    name that it is given. `options` are those of `Job` that it heeds, `packages` the optional ones
-    that it needs, with the extra that installs them; `frames`: whether it needs frames;
+    name that it is given. `options` are those of `Job` that it heeds, `packages` the optional
+    modules that it needs, see `amoeboid.extras`; `frames`: whether it needs frames;
     `one_per_frame`: whether its files are those of single frames; `max_fps`: frames a second that
     it can show.
     """
@@ -150,7 +150,7 @@ class Format:
     suffix: str
     files: Callable[[Job], Mapping[str, Write]]
     options: frozenset[str] = frozenset()
-    packages: Mapping[str, str] = field(default_factory=dict)
+    packages: tuple[str, ...] = ()
     frames: bool = True
     one_per_frame: bool = False
     max_fps: float = MAX_FPS
@@ -160,11 +160,4 @@ class Format:
         for option in options:
             if option not in self.options:
                 raise InvalidInput(f"{option} must be left out for {name}, which does not use it")
-        for package, extra in self.packages.items():
-            try:
-                import_module(package)
-            except ImportError as error:
-                raise InvalidInput(
-                    f"an export to {name} needs {package}, which cannot be imported ({error}): "
-                    f"pip install 'amoeboid[{extra}]'"
-                ) from None
+        check(f"an export to {name} needs", *self.packages)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 
-from amoeboid.exports.job import Job, Write
+from amoeboid.exports.job import Format, Job, Write
 from amoeboid.output.frames import frame_name
 from amoeboid.surface.cell import SurfaceCell
 
@@ -36,6 +37,17 @@ def one_each(job: Job, suffix: str, encoded: Bytes) -> Mapping[str, Write]:
         frame_name(number).replace(".vtp", suffix): writer(count, number)
         for count, number in enumerate(job.numbers, 1)
     }
+
+
+def surface_format(doc: str, suffix: str, encoded: Bytes) -> Format:
+    """The format that has such a file for each frame, and nothing else."""
+    return Format(
+        doc,
+        suffix,
+        partial(one_each, suffix=suffix, encoded=encoded),
+        frozenset({"follow"}),
+        one_per_frame=True,
+    )
 
 
 def unit_text(job: Job) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.extras import needed
 from amoeboid.plotting.palette import COLOR_MAP, ORANGE
 
 COLORS = 64
@@ -61,6 +62,7 @@ class Scene(Moment):
 
 def page(scene: Scene, later: Iterable[Moment] = ()) -> str:
     """The page as text; with later times of the cell it has a bar to choose among them."""
+    needed("matplotlib", "a page with a cell needs")
     from matplotlib import colormaps
     from matplotlib.colors import to_hex
 

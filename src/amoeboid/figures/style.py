@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from amoeboid.plotting.figures import own_settings
+from amoeboid.extras import needed
+from amoeboid.plotting.figures import DRAWING, own_settings
 
 COLUMN = 3.4
 """Width of a column of a journal [inches]."""
@@ -37,8 +38,7 @@ SETTINGS = {
 @contextmanager
 def print_style() -> Iterator[None]:
     """The settings of matplotlib for these figures, whatever the user's are."""
-    import matplotlib
-
+    matplotlib = needed("matplotlib", DRAWING)
     with own_settings():
         matplotlib.rcParams.update(SETTINGS)
         yield

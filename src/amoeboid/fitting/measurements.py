@@ -57,7 +57,7 @@ class Quantity:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Measurements(Sequence[Quantity]):
-    """Measured quantities, as `measurements` reads them: a sequence of them."""
+    """Measured quantities, as `measurements` reads them from a `source`: a sequence of them."""
 
     source: str
     quantities: tuple[Quantity, ...]

@@ -7,13 +7,13 @@ polarized state. Source: Foreman-Mackey et al., PASP 125, 306 (2013).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
+from amoeboid.extras import needed
 from amoeboid.fitting.determination import Sensitivity
 from amoeboid.fitting.problem import Point, Problem
 from amoeboid.model.parameters import Parameters
@@ -170,10 +170,4 @@ def _first_walkers(
 
 
 def _emcee() -> Any:
-    try:
-        return import_module("emcee")
-    except ImportError as error:
-        raise InvalidInput(
-            f"the posterior needs emcee, which cannot be imported ({error}): "
-            "pip install 'amoeboid[posterior]'"
-        ) from None
+    return needed("emcee", "the posterior needs")

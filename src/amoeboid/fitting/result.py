@@ -69,6 +69,9 @@ class Fit:
     `parameters` and `state` are those of the best fit; `estimates`, `standard_errors` and
     `intervals()` the free parameters and factors by name, quantities where the cell has units;
     `undetermined` the combinations that the data leave open, `problems` what may be wrong.
+    `unknowns` are the names of what was free; `found` is the minimum of the least-squares
+    `problem`, `other_minima` the chi2 of others that the search met; `orientation`, where the data
+    do not tell: the pole that theta counts from, and by how much chi2 is larger from the other.
     """
 
     data: Measurements
@@ -102,7 +105,7 @@ class Fit:
 
     @property
     def chi2(self) -> float:
-        """Sum of squares of (prediction - value)/error."""
+        """Sum of squares of (prediction - value)/error [1]."""
         return self.point.chi2
 
     @property
@@ -117,7 +120,7 @@ class Fit:
 
     @property
     def p_value(self) -> float | None:
-        """Probability of a chi2 as large by chance; None where errors are estimated or dof is 0."""
+        """Probability [1] of a chi2 as large by chance; None with estimated errors, or dof 0."""
         if self.errors_estimated or self.dof <= 0:
             return None
         return float(gammaincc(0.5 * self.dof, 0.5 * self.chi2))
@@ -145,12 +148,12 @@ class Fit:
 
     @property
     def correlation(self) -> Array:
-        """Correlation matrix of the logarithms of the unknowns, in their order (k, k)."""
+        """Correlation matrix of the logarithms of the unknowns, in their order (k, k) [1]."""
         return self.sensitivity.correlation
 
     @property
     def residuals(self) -> dict[str, Array]:
-        """(prediction - value)/error by quantity, in the order of the data."""
+        """(prediction - value)/error by quantity [1], (n,) in the order of its n values."""
         return {t.name: self.point.residuals_of(k) for k, t in enumerate(self.problem.targets)}
 
     def interval(self, name: str, level: float = 0.95, watch: Watch = unwatched) -> Interval:
@@ -168,7 +171,7 @@ class Fit:
         return self._known_intervals[name, level]
 
     def intervals(self, level: float = 0.95, watch: Watch = unwatched) -> dict[str, Interval]:
-        """The confidence intervals of all unknowns."""
+        """The confidence intervals of all unknowns, by name, at a `level` of confidence."""
         return {name: self.interval(name, level, watch) for name in self.unknowns}
 
     @cached_property
@@ -231,7 +234,7 @@ class Fit:
         )
 
     def profile(self, name: str, theta: Any = None) -> dict[str, Column]:
-        """The predicted profile "u" or "c" with its standard error, by columns.
+        """The predicted profile `name`, "u" or "c", with its standard error, by columns.
 
         `theta` in degrees from the front, or where the pole was unknown as in the data; every 2
         degrees if left out. In the unit of the data. Raises InvalidInput for a profile that was not
@@ -255,12 +258,15 @@ class Fit:
         }
 
     def quantity(self, name: str) -> Quantity:
-        """The measurements of a profile. Raises InvalidInput for one that was not measured."""
+        """The measurements of the profile `name`. Raises InvalidInput for one not measured."""
         found: Quantity = self.data[self._profile_place(name)]
         return found
 
     def errors_used(self, name: str) -> Array:
-        """The errors of its values, in the unit of the data, also where they were estimated."""
+        """The errors of the n values of a quantity `name` (n,), in the unit of the data.
+
+        Also where they were estimated. Raises InvalidInput for a quantity that was not measured.
+        """
         k = self._profile_place(name)
         return self.problem.targets[k].errors / self.data[k].size(self.parameters)
 
@@ -304,7 +310,7 @@ class Fit:
     def plot(self, ax: Any = None, name: str | None = None) -> Any:
         """Draw a measured profile, the fit and its standard error. Takes and returns axes.
 
-        `name`: "u" or "c", the first one if left out.
+        `name`: "u" or "c", the first one if left out. Raises InvalidInput without a profile.
         """
         if not self.profiles:
             raise InvalidInput("only profiles can be drawn, this fit has none; use to_pandas()")
@@ -320,11 +326,15 @@ class Fit:
         seed: int = 0,
         watch: Watch = unwatched,
     ) -> Posterior:
-        """Samples of the posterior probability of the unknowns, by emcee; see `sampled`."""
+        """Samples of the posterior probability of the unknowns, by emcee.
+
+        `steps` of each walker; `walkers`: their number, 4 for each unknown if left out; `seed` of
+        the random numbers. Raises InvalidInput where emcee is missing.
+        """
         return sampled(self.problem, self.point, self.unknowns, steps, walkers, seed, watch)
 
     def text(self, name: str) -> str:
-        """An estimate with its standard error and unit."""
+        """The estimate of the unknown `name` with its standard error and unit."""
         k = self.unknowns.index(name)
         start, y, dimension = self.problem.start, float(self.point.y[k]), self._dimension(k)
         value, error = self._value(k, y), self.relative_errors[name]
@@ -339,7 +349,7 @@ class Fit:
         return f"{both} {ending}".rstrip()
 
     def plain(self, name: str) -> tuple[float, float | None]:
-        """Estimate and standard error as programs read them; None for one without an error."""
+        """Estimate and standard error of an unknown `name` in its unit; None without an error."""
         k = self.unknowns.index(name)
         start, dimension = self.problem.start, self._dimension(k)
         value = self._value(k, float(self.point.y[k]))

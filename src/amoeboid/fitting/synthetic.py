@@ -44,6 +44,8 @@ def synthetic(
 ) -> dict[str, Array]:
     """Measured values of the stable polarized state of a cell, by the columns that `fit` takes.
 
+    A profile has the shape (angles,), an observable (1,); units are in the names of the columns.
+
     `errors`: the standard deviation of the noise by quantity, "u", "c" or an observable, as a
     quantity such as "0.01 um/s" where the cell has units; `theta`: angles from the front in
     degrees, 5, 15, ... 175 if left out. The noise is normal, drawn with `seed`. Raises InvalidInput

@@ -1,7 +1,7 @@
 """Surface files (.stl, .ply, .obj, .vtp) as arrays.
 
-STL, PLY and OBJ are read here. VTK reads .vtp in a process of its own: on damaged files it ends the
-program or reads past the end of what it has, and it prints.
+STL, PLY, OBJ and the .vtp of this package are read here. VTK reads other .vtp in a process of its
+own: on damaged files it ends the program or reads past the end of what it has, and it prints.
 """
 
 from __future__ import annotations
@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array, Index
+from amoeboid.extras import check
 from amoeboid.meshes import vtk_process
 from amoeboid.meshes.obj import read_obj
 from amoeboid.meshes.ply import read_ply
 from amoeboid.meshes.polygons import Unreadable, triangulated
 from amoeboid.meshes.stl import read_stl
+from amoeboid.meshes.vtp import APPENDED, UNREADABLE, vtp_arrays
 from amoeboid.validation import InvalidInput
 
 READERS = {"stl": read_stl, "ply": read_ply, "obj": read_obj}
@@ -63,7 +65,7 @@ class SurfaceFile:
 def surface_file(path: str, field: str, formats: tuple[str, ...] = FORMATS) -> SurfaceFile:
     """The surface in a file, unchecked apart from the numbers of its points.
 
-    Raises InvalidInput, naming the configuration's `field`.
+    Raises InvalidInput, naming the configuration's `field`; also where VTK is needed and missing.
     """
     kind = Path(path).suffix.lower().removeprefix(".")
     if kind not in formats:
@@ -76,7 +78,7 @@ def surface_file(path: str, field: str, formats: tuple[str, ...] = FORMATS) -> S
         if kind != "vtp":
             polygons = READERS[kind](data.removeprefix(BYTE_ORDER_MARK))
             return SurfaceFile(polygons.points, triangulated(polygons), None, {})
-        contents = _vtp(path)
+        contents = _own_vtp(data) or _vtp(path)
     except Unreadable as problem:
         raise InvalidInput(
             f"{field} must hold a surface in the format .{kind}, {path!r} does not: {problem}"
@@ -124,8 +126,30 @@ def _check_beginning(data: bytes, kind: str) -> None:
         raise Unreadable(f"it begins as a file of type .{other}; if it is one, rename it")
 
 
+def _own_vtp(data: bytes) -> dict[str, NDArray]:
+    """The arrays of a file that this package has written, as `vtk_process` names them; else {}."""
+    if APPENDED.encode() not in data:
+        return {}
+    try:
+        arrays = vtp_arrays(data)  # with the checksum that this package alone writes
+        points = arrays["Points"].reshape(-1, 3)
+        faces = arrays["connectivity"].reshape(-1, 3)
+        if faces.min() < 0 or faces.max() >= len(points):
+            return {}
+    except UNREADABLE:
+        return {}
+    contents = {name: arrays[name] for name in ("c", "t", "zeta0") if name in arrays}
+    vectors = {
+        VECTORS + name: values.reshape(-1, 3)
+        for name, values in arrays.items()
+        if name not in ("Points", "connectivity", "offsets") and values.size == points.size
+    }
+    return {"points": points, "faces": faces, **contents, **vectors}
+
+
 def _vtp(path: str) -> dict[str, NDArray]:
     """The arrays that the process of VTK leaves in a file. Raises Unreadable."""
+    check("a surface as .vtp, of another program or damaged, needs", "vtkmodules")
     damaged = Unreadable("it is damaged or of another type; export it anew")
     with tempfile.TemporaryDirectory(prefix="amoeboid-") as folder:
         answer = Path(folder) / "surface.npz"

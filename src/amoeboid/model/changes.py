@@ -45,7 +45,9 @@ class Change(ABC):
 
     @abstractmethod
     def at(self, t: float, since: float, given: float) -> float:
-        """The value at time t >= since, where no break lies between `since` and t.
+        """The value, in the units of the parameter, at time t >= since [T].
+
+        No break lies between `since` and t.
 
         At a jump: the value before it if `since` is earlier, the value after it if `since` is the
         jump. `given` is the parameter itself, as it stands in the parameters.
@@ -170,7 +172,8 @@ class Smooth(Change):
 def steps(*points: tuple[float, float]) -> Steps:
     """A parameter that jumps: `steps((5.0, 0.0), (20.0, 6.0))` is 0 from t = 5, 6 from t = 20.
 
-    Times must be > 0 and increase. Raises InvalidInput.
+    `points`: pairs of a time [T] and the value from then on, in the units of the parameter. Times
+    must be > 0 and increase. Raises InvalidInput.
 
     >>> steps((5, 0), (20, 6)).at(7.0, since=6.5, given=3.8)
     0.0
@@ -179,9 +182,10 @@ def steps(*points: tuple[float, float]) -> Steps:
 
 
 def ramp(*points: tuple[float, float]) -> Ramp:
-    """A parameter on straight lines between (time, value), constant before and after them.
+    """A parameter on straight lines between `points` (time, value), constant before and after.
 
-    Times must be >= 0 and increase. Raises InvalidInput.
+    Times [T] must be >= 0 and increase; values are in the units of the parameter. Raises
+    InvalidInput.
 
     >>> ramp((0, 3.0), (10, 6.0)).at(5.0, since=4.5, given=3.8)
     4.5
@@ -190,7 +194,7 @@ def ramp(*points: tuple[float, float]) -> Ramp:
 
 
 def smooth(f: Callable[[float], float], until: float = math.inf) -> Smooth:
-    """A parameter that follows a smooth function of time; `until`: from when on it is constant.
+    """A parameter that follows a smooth function f of time [T], constant from `until` on.
 
     Raises InvalidInput for what is no function.
 

@@ -63,7 +63,7 @@ class Relation(ABC):
         return replace(self, **self.checked_own(own))  # type: ignore[type-var]
 
     def with_values(self, own: Mapping[str, Any]) -> Self:
-        """The same with values that need not be numbers of the model: complex ones, arrays."""
+        """The same with the values `own`, which may be complex, or arrays that broadcast."""
         changed = copy.copy(self)
         for name, value in own.items():
             object.__setattr__(changed, name, value)
@@ -91,7 +91,7 @@ class Relation(ABC):
                 )
 
     def checked_own(self, own: Mapping[str, Any]) -> dict[str, Any]:
-        """The values, if all are finite numbers. Raises InvalidInput."""
+        """The values of `own`, if all are finite numbers. Raises InvalidInput."""
         for name, value in own.items():
             if not isinstance(value, Real) or isinstance(value, bool) or not _is_finite(value):
                 raise InvalidInput(f"{self.noun}.{name} must be a finite number, got {value!r}")

@@ -80,11 +80,11 @@ class Cue:
 
     @property
     def axis(self) -> Array:
-        """Unit vector (3,) along the direction."""
+        """Unit vector (3,) along the direction [1]."""
         return np.array(self.direction) / np.linalg.norm(self.direction)
 
     def factor(self, directions: Array, t: float) -> Array:
-        """The factor of v_p (V,) at unit vectors (V, 3)."""
+        """The factor of v_p (V,) [1] at the unit vectors `directions` (V, 3) and the time t [T]."""
         found = np.asarray(1.0 + self.strength * (directions @ self.axis))
         for begin, duration, x, y, z, strength in self.pokes:
             if begin < t < begin + duration:

@@ -21,6 +21,7 @@ from amoeboid.model.stress import (
     stress,
 )
 from amoeboid.model.units import Units, customary_unit, measured, quantity
+from amoeboid.toml import toml_text
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
@@ -82,19 +83,25 @@ class Material:
     v_p0: Any
 
     def v_p(self, c: ArrayLike) -> Array:
-        """Polymerization speed at concentration c [L/T]; main text `vp`."""
+        """Polymerization speed [L/T] at concentration c [N/L^2]; main text `vp`.
+
+        Of the shape that c and the parameters broadcast to.
+        """
         return self.v_p_derivatives(c, 0)[0]
 
     def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
-        """(v_p, v_p', v_p'', ...) at c, to `order`."""
+        """(v_p, v_p', v_p'', ...) at c, to `order` [L/T over powers of N/L^2]."""
         return self.law.derivatives(c, self.v_p0, self.c_r, order)
 
     def tau(self, c: ArrayLike) -> Array:
-        """Isotropic stress at concentration c, (chi - alpha) c and the active one [M/T^2]."""
+        """Isotropic stress at concentration c, (chi - alpha) c and the active one [M/T^2].
+
+        Of the shape that c [N/L^2] and the parameters broadcast to; `tau_derivatives` likewise.
+        """
         return self.tau_derivatives(c, 0)[0]
 
     def tau_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
-        """(tau, tau', tau'', ...) at c, to `order`."""
+        """(tau, tau', tau'', ...) at c, to `order` [M/T^2 over powers of N/L^2]."""
         return isotropic_stress(self.stress, c, self.chi - self.alpha, self.c_r, order)
 
     @property
@@ -239,7 +246,10 @@ class Parameters(Material):
         return (*DIMENSIONS, *own)
 
     def value(self, name: str) -> float:
-        """The number of a name. Raises InvalidInput for a name that is not among `names`."""
+        """The number of a name, in the units of the parameters; also of `law.n`.
+
+        Raises InvalidInput for a name that is not among `names`.
+        """
         refuse_unknown([name], self.names, "parameter")
         kind, dot, own = name.partition(".")
         return float(getattr(self, kind).own[own]) if dot else float(getattr(self, name))
@@ -259,7 +269,7 @@ class Parameters(Material):
         return value * self.units.of(dimension) / units.of(dimension)
 
     def dimension(self, name: str) -> str | None:
-        """Dimension of a number such as "L^2/T"; None for one whose law or stress declares none."""
+        """Dimension of the parameter `name`, as "L^2/T"; None if a law or stress declares none."""
         kind, dot, own = name.partition(".")
         return declared_dimension(getattr(self, kind), {}, own) if dot else DIMENSIONS.get(name)
 
@@ -292,7 +302,10 @@ class Parameters(Material):
         return max(rates)
 
     def replace(self, **changes: Any) -> Parameters:
-        """A copy with some parameters changed, also `law.n`; unknown names are refused."""
+        """A copy with some parameters changed, also `law.n`.
+
+        `changes`: values by name. Raises InvalidInput for an unknown name, or a value out of range.
+        """
         return replace(self, **_with_relations(changes, self))
 
     def as_dict(self) -> dict[str, float | str]:
@@ -450,10 +463,8 @@ def parameters_to_toml(p: Parameters) -> str:
 
     Raises InvalidInput for a law or a stress that a text cannot hold.
     """
-    import tomli_w
-
     refuse_unwritable_relations(p)
-    return tomli_w.dumps(p.as_dict())
+    return toml_text(p.as_dict())
 
 
 def refuse_unwritable_relations(p: Parameters) -> None:

@@ -40,15 +40,19 @@ class Law(Relation):
 
     @abstractmethod
     def value(self, c: Any, v_p0: Any, c_r: Any) -> Any:
-        """v_p(c) [L/T], in arithmetic and functions of NumPy; c may be an array or a `Taylor`."""
+        """v_p(c; v_p0, c_r) [L/T], in arithmetic and functions of NumPy.
+
+        c may be an array or a `Taylor`.
+        """
 
     def derivatives(
         self, c: ArrayLike, v_p0: ArrayLike, c_r: ArrayLike, order: int = 3
     ) -> tuple[Array, ...]:
-        """(v_p, v_p', v_p'', ...) with respect to c, to `order`; arrays broadcast.
+        """(v_p, v_p', v_p'', ...) with respect to c, to `order` [L/T over powers of N/L^2].
 
-        Real or complex c. Raises InvalidInput where the law is not defined, NoDerivatives for
-        order > 0 if `value` is not made of arithmetic and functions of NumPy.
+        Real or complex c; it broadcasts with v_p0 [L/T] and c_r [N/L^2]. Raises InvalidInput where
+        the law is not defined, NoDerivatives for order > 0 if `value` is not made of arithmetic and
+        functions of NumPy.
         """
         return self._to_order(order, (c, v_p0, c_r))
 

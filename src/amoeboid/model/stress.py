@@ -48,12 +48,12 @@ class Stress(Relation):
 
     @abstractmethod
     def value(self, c: Any, c_r: Any) -> Any:
-        """tau(c) [M/T^2], in arithmetic and functions of NumPy; c is an array or a `Taylor`."""
+        """tau(c; c_r) [M/T^2], in arithmetic and functions of NumPy; c: array or `Taylor`."""
 
     def derivatives(self, c: ArrayLike, c_r: ArrayLike, order: int = 3) -> tuple[Array, ...]:
-        """(tau, tau', tau'', ...) with respect to c, to `order`; arrays broadcast.
+        """(tau, tau', tau'', ...) with respect to c, to `order` [M/T^2 over powers of N/L^2].
 
-        Raises as Law.derivatives does.
+        c and c_r [N/L^2] broadcast. Raises as Law.derivatives does.
         """
         return self._to_order(order, (c, c_r))
 

@@ -12,8 +12,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from amoeboid.extras import needed
 from amoeboid.validation import InvalidInput
 
+QUANTITIES = "quantities with units need"
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
 _CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg"}
 _CUSTOMARY = {
@@ -165,8 +167,7 @@ def magnitude(quantity: Any, unit: str) -> float:
 
 def _parsed(name: str, value: Any, example: str) -> Any:
     """A quantity of our registry, with a finite magnitude. Raises InvalidInput."""
-    import pint
-
+    pint = needed("pint", QUANTITIES)
     why = "it is neither a text nor a quantity of pint"
     found: Any = None
     try:
@@ -246,8 +247,7 @@ def _spelled(dimension: str) -> str:
 
 @cache
 def _registry() -> Any:
-    import pint
-
+    pint = needed("pint", QUANTITIES)
     registry = pint.UnitRegistry()
     registry.formatter.default_format = ".6g~P"
     return registry

@@ -128,10 +128,11 @@ class MeasuredCell:
         cls, path: str, flow: str | None = None, *, front: Any = None,
         length: str | None = None, time: str | None = None,
     ) -> MeasuredCell:  # fmt: skip
-        """The surface of a file (.vtp) with vectors at its points, those of the name `flow`.
+        """The surface of the file `path` (.vtp) with vectors at its points, named `flow`.
 
         Without a name: those named flow or retrograde_flow, or the only ones beside normals. Its
-        c is that of the points, if they have one. Raises InvalidInput.
+        c is that of the points, if they have one. `front`, `length` and `time` are those of the
+        class. Raises InvalidInput.
         """
         found = surface_file(path, "a measured surface", ("vtp",))
         names = [name for name in found.vectors if not name.lower().startswith("normal")]

@@ -56,19 +56,23 @@ class Environment:
         _check_share(self.coupled)
 
     def dissipation(self, surface: Surroundable) -> Array:
-        """Power (9, 9) that is taken up from the motions of a surface; see `surfaces`."""
+        """Power (9, 9) that is taken up from the nine ways in which a surface moves.
+
+        An entry has the unit of a power for speeds of the two ways: [M L^2/T^3] for the flow of the
+        cell, which has a velocity; see `amoeboid.motility.surfaces`.
+        """
         raise NotImplementedError
 
     def felt(self, surface: Surroundable) -> Array:
-        """Shares (3,) of tangential flow, normal motion and cortex flow that it feels."""
+        """Shares (3,) of tangential flow, normal motion and cortex flow that it feels [1]."""
         return np.array([self.coupled, 1.0, 0.0])
 
     def free(self, surface: Surroundable) -> Array:
-        """The rigid motions (k, 6) that it leaves to the cell, orthonormal."""
+        """The k rigid motions (k, 6) that it leaves to the cell, orthonormal [1]."""
         return np.eye(RIGID)
 
     def uncertainty(self, surface: Surroundable) -> Array:
-        """Error (6,) of the force and torque that the flow of the cell meets, if known."""
+        """Error (6,) of force [M L/T^2] and torque that the flow of the cell meets, if known."""
         return np.zeros(RIGID)
 
     def of(self, units: Units | None) -> Environment:
@@ -204,7 +208,7 @@ class Matrix(Environment):
         return replace(self, tangential=tangential, normal=normal)
 
     def dissipation(self, surface: Surroundable) -> Array:
-        """Power taken up at all points."""
+        """Power taken up at all points. Raises InvalidInput for `per_filament` without c."""
         points = surface.everywhere
         share = np.ones_like(points.c)
         if self.per_filament:
@@ -220,6 +224,9 @@ class Matrix(Environment):
 @dataclass(frozen=True, repr=False)
 class CortexDrag(Environment):
     """Drag on the velocity of the cortex, v_c instead of v, the same at all points.
+
+    `friction` [M/(L^2 T)]: a quantity such as "1 Pa s/um" for a cell with units, else a number; the
+    velocity does not depend on it.
 
     It is what `cortex_drag_speed` and the columns `cortex_drag_x, ...` of a run assume.
     """
@@ -245,13 +252,15 @@ class CortexDrag(Environment):
 class Contact(Environment):
     """Base of contacts with walls, which drag along the wall and hold the cell off it.
 
+    `friction` [M/(L^2 T)]: a quantity such as "1 Pa s/um" for a cell with units, else a number.
+
     A cell in contact does not rotate but around the normal of the wall.
     """
 
     friction: Any = field(default=None, kw_only=True, metadata=_dimensional(FRICTION, SOFT))
 
     def regions(self, surface: Surroundable) -> list[tuple[Points, Array]]:
-        """Parts of the surface in contact, with the normals of the wall there."""
+        """Parts of the surface in contact, and the normals of the wall at their points (P, 3)."""
         raise NotImplementedError
 
     def dissipation(self, surface: Surroundable) -> Array:

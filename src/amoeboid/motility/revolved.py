@@ -16,6 +16,7 @@ from amoeboid.motility.surfaces import (
     TANGENTIAL,
     WAYS,
     Points,
+    SurfaceInFluid,
     front_of,
     ways_of,
 )
@@ -28,7 +29,7 @@ CAP_POINTS, CAP_ANGLES = 60, 16  # Gauss points of a cap along the meridian, and
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RevolvedSurface:
+class RevolvedSurface(SurfaceInFluid):
     """See `surfaces.Surroundable`. `cell` is an `AxisymmetricCell`, its axis is z."""
 
     cell: Any
@@ -146,17 +147,8 @@ class RevolvedSurface:
         return float(brentq(excess, 0.0, np.pi, xtol=1e-15, rtol=1e-14))
 
     @cached_property
-    def fluid(self) -> Array:
-        """The matrix (9, 9) of a fluid of viscosity 1; see `surfaces`."""
-        return self._fluid[0]
-
-    @cached_property
-    def fluid_error(self) -> Array:
-        """Difference (6, 2) of the couplings to the flow by the reciprocal theorem and directly."""
-        return self._fluid[1]
-
-    @cached_property
-    def _fluid(self) -> tuple[Array, Array]:
+    def drag(self) -> tuple[Array, Array]:
+        """See `SurfaceInFluid`."""
         body = self._body
         r, z, _, n_r, n_z, u, w, *_ = self._on_meridian(body.x)
         one, zero = np.ones_like(r), np.zeros_like(r)

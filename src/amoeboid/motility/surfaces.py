@@ -15,6 +15,7 @@ power of the force that way i meets, at the velocity of way j. `Surroundings` ho
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -109,6 +110,28 @@ class Surroundable(Protocol):
 
     def band(self, half_width: float) -> Points:
         """Points within an angle [rad] of the equator, seen from the center of volume."""
+
+
+class SurfaceInFluid(ABC):
+    """What is known of the drag of a surface in a fluid; a part of `Surroundable`."""
+
+    @property
+    @abstractmethod
+    def drag(self) -> tuple[Array, Array]:
+        """The matrix (9, 9) of a fluid of viscosity 1, and `fluid_error` (6, 2).
+
+        That is the difference of the couplings to the flow by the reciprocal theorem and directly.
+        """
+
+    @property
+    def fluid(self) -> Array:
+        """See `Surroundable`."""
+        return self.drag[0]
+
+    @property
+    def fluid_error(self) -> Array:
+        """See `Surroundable`."""
+        return self.drag[1]
 
 
 def front_of(polarization: Array) -> Array | None:

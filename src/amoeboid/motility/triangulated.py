@@ -15,6 +15,7 @@ from amoeboid.motility.surfaces import (
     RIGID,
     WAYS,
     Points,
+    SurfaceInFluid,
     ways_of,
 )
 
@@ -22,7 +23,7 @@ SIDES = 12  # axes across the polarity whose caps stand for those of all sides
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TriangulatedSurface:
+class TriangulatedSurface(SurfaceInFluid):
     """See `surfaces.Surroundable`; nodes x (V, 3) about the center of volume, `faces` (F, 3).
 
     `velocity` (V, 3): the full one in the frame in which the shape rests; `cortex` (V, 3) that of
@@ -66,17 +67,8 @@ class TriangulatedSurface:
         return Points(self.x, g.normals, g.node_areas, c, ways)
 
     @cached_property
-    def fluid(self) -> Array:
-        """The matrix (9, 9) of a fluid of viscosity 1; see `surfaces`."""
-        return self._fluid[0]
-
-    @cached_property
-    def fluid_error(self) -> Array:
-        """Difference (6, 2) of the couplings to the flow by the reciprocal theorem and directly."""
-        return self._fluid[1]
-
-    @cached_property
-    def _fluid(self) -> tuple[Array, Array]:
+    def drag(self) -> tuple[Array, Array]:
+        """See `SurfaceInFluid`."""
         points = self.everywhere
         ways, body = points.ways[:CORTEX], StokesSurface(self.x, self.faces)
         forces = -np.concatenate(

@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from importlib.util import find_spec
 from typing import Any
 
-from amoeboid.validation import InvalidInput
+from amoeboid.extras import check, installed
 
 # Kernels that Python calls, in the order of their definition.
 ENTRIES: list[Kernel] = []
@@ -38,7 +37,7 @@ def nested(kernel: Callable[..., Any]) -> Any:
 @functools.cache
 def has_numba() -> bool:
     """Whether Numba is installed."""
-    return find_spec("numba") is not None
+    return installed("numba")
 
 
 class Kernel:
@@ -55,11 +54,7 @@ class Kernel:
     @functools.cached_property
     def dispatcher(self) -> Any:
         """What Numba calls. Raises InvalidInput where it is not installed."""
-        if not has_numba():
-            raise InvalidInput(
-                "cells on meshes and their surroundings need Numba, which is not installed; "
-                "pip install numba"
-            )
+        check("cells on meshes and their surroundings need", "numba")
         from amoeboid.numerics.dispatchers import dispatcher
 
         return dispatcher(self.py_func, self._options)

@@ -26,19 +26,15 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from numba.core import config
 from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
+from amoeboid.locks import FileLock, TakenError
 from amoeboid.terminal import Line, progress_line
-
-try:
-    import fcntl
-except ImportError:  # without it, programs that start together compile the same kernels
-    fcntl = None  # type: ignore[assignment]
 
 BUILT = Path(__file__).parents[1] / "built_kernels"  # those that came with the package
 PROCESSOR, LOCK = "PROCESSOR", "lock"
@@ -182,7 +178,7 @@ class _Turn:
 
     def __init__(self) -> None:
         self._depth, self._count = 0, 0
-        self._file: IO[bytes] | None = None
+        self._lock: FileLock | None = None
         self._line: Line | None = None
 
     def __enter__(self) -> None:
@@ -191,9 +187,9 @@ class _Turn:
     def __exit__(self, *_: object) -> None:
         self._depth -= 1
         if self._depth == 0:
-            if self._file is not None:
-                self._file.close()  # which also unlocks it
-                self._file = None
+            if self._lock is not None:
+                self._lock.release()
+                self._lock = None
             if self._line is not None:
                 self._line.erase()
 
@@ -202,9 +198,9 @@ class _Turn:
 
         Who goes on after the last compiles it.
         """
-        if self._file is None and fcntl is not None:
-            with suppress(OSError):  # no folder, or one that knows no locks
-                self._file = (made_folder() / LOCK).open("ab")
+        if self._lock is None:
+            with suppress(OSError):  # no folder
+                self._lock = FileLock(made_folder() / LOCK)
         begin, pause = time.monotonic(), MIN_POLL
         while not self._locked() and time.monotonic() - begin < MAX_WAIT:
             self._show("waiting for another program that compiles the numerical kernels")
@@ -216,13 +212,16 @@ class _Turn:
         self._show("compiling the numerical kernels, once on this machine", str(self._count))
 
     def _locked(self) -> bool:
-        if self._file is None:
-            return True
+        """Whether to go on: it is this program's turn, or there are no locks here.
+
+        Programs that start together then compile the same kernels.
+        """
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+            if self._lock is not None:
+                self._lock.take()
+        except TakenError:
             return False
-        except OSError:  # as above
+        except OSError:  # a folder that cannot be written to
             return True
         return True
 

@@ -1,19 +1,9 @@
-"""Reads the frames that a run has written, without VTK.
-
-Of the format .vtp it knows what `frames.write_frame` makes of it: one piece, triangles, arrays as
-they are; and what it made of it in version 0.1, arrays in base64 of zlib. Nothing in a file is run,
-and no more is unpacked than its header announces; other surfaces are read by
-`amoeboid.meshes.files`.
-"""
+"""Reads the frames that a run has written: model, state and flow of one time."""
 
 from __future__ import annotations
 
-import binascii
-import re
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from zlib import crc32
 
 import numpy as np
 
@@ -21,21 +11,17 @@ from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import MAX_NODES
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import area, node_areas, volume
+from amoeboid.meshes.vtp import UNREADABLE, vtp_arrays
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
-from amoeboid.output.frames import APPENDED, CHECKSUM, HEADER
 from amoeboid.surface.explicit import MAX_AREA_ERROR
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
 from amoeboid.validation import InvalidInput
 
-_ARRAY = re.compile(rb'<DataArray type="(\w+)" Name="(\w+)"[^>]*? offset="(\d+)"')
-_TYPES = {b"Float64": np.dtype("<f8"), b"Int64": np.dtype("<i8")}
-_HEADER_0_1 = b'byte_order="LittleEndian" header_type="UInt32" compressor="vtkZLibDataCompressor"'
 MAX_EXTENT = 1e3  # of points [R0]; those of a cell of the area 4 pi R0^2 hardly reach 10
 MAX_NORMAL_ERROR = 1e-6  # of their squares
 ABSURD = 1e12
-MAX_BYTES = 3 * 2 * 8 * MAX_NODES  # of one array: the triangles of the largest mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +43,8 @@ def read_frame(path: Path, p: Parameters, inputs: Inputs | None = None) -> Frame
     except OSError as error:
         raise InvalidInput(f"the frame {str(path)!r} cannot be read: {error.strerror}") from None
     try:
-        return _frame(_arrays(data), p, inputs)
-    except (ValueError, KeyError, IndexError, zlib.error, binascii.Error) as error:
+        return _frame(vtp_arrays(data), p, inputs)
+    except UNREADABLE as error:
         raise InvalidInput(
             f"the frame {str(path)!r} must be one that a run has written: {error}"
         ) from None
@@ -115,71 +101,3 @@ def _check_cell(
     fastest = max(np.abs(v).max() for v in velocities)
     if fastest > ABSURD * model.rate * p.R0 or c.max() > ABSURD * max(p.c0, p.c_r):
         raise ValueError("its velocities and concentrations must not be absurdly large")
-
-
-def _arrays(data: bytes) -> dict[str, Array]:
-    """All arrays of a file by name; of those of cells the ones of the triangles."""
-    head, found, body = data.partition(APPENDED.encode())
-    unpacked = _raw
-    if not found:
-        head, found, body = data.partition(b'<AppendedData encoding="base64">')
-        unpacked = _unpacked
-    if not found or (HEADER.encode() if unpacked is _raw else _HEADER_0_1) not in head:
-        raise ValueError("it is damaged or of another type")
-    body = body[body.index(b"_") + 1 :]
-    polys = head.index(b"<Polys>")
-    others = (head.index(b"<Points>"), *(p for p in [head.find(b"<Verts>")] if p >= 0))
-    arrays: dict[str, Array] = {}
-    checksum = 0
-    for match in _ARRAY.finditer(head):
-        kind, name, offset = match.groups()
-        if min(others) < match.start() < polys and name != b"Points":
-            continue  # vertices, lines and strips, of which there are none
-        found_array = unpacked(body, int(offset), _TYPES[kind])
-        arrays.setdefault(name.decode(), found_array)
-        checksum = crc32(found_array.astype(_TYPES[kind]).tobytes(), checksum)
-    if unpacked is _raw and CHECKSUM.format(checksum).encode() not in head:
-        raise ValueError("its arrays are damaged")
-    return arrays
-
-
-def _raw(body: bytes, start: int, kind: np.dtype) -> Array:
-    """The numbers of one array, which lie behind their size in bytes."""
-    size = int.from_bytes(body[start : start + 8], "little")
-    block = body[start + 8 : start + 8 + size]
-    if len(block) != size:
-        raise ValueError("it is damaged: it ends early")
-    return np.frombuffer(block, kind).astype(kind.newbyteorder("="))
-
-
-def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:
-    """The numbers of one array: a header of sizes, then its blocks."""
-    (count,) = np.frombuffer(_decoded(body, start, 4), "<u4")
-    if count > MAX_BYTES // 2**10:
-        raise ValueError("it announces too much")
-    header = np.frombuffer(_decoded(body, start, 12 + 4 * int(count)), "<u4").astype(int)
-    start += _encoded(12 + 4 * int(count))
-    packed = _decoded(body, start, int(header[3:].sum()))
-    size, last = int(header[1]), int(header[2])
-    parts, place = [], 0
-    for k, length in enumerate(header[3:]):
-        wanted = last if last and k == count - 1 else size
-        if wanted * count > 2 * MAX_BYTES:
-            raise ValueError("it announces too much")
-        part = zlib.decompressobj().decompress(packed[place : place + length], wanted)
-        if len(part) != wanted:
-            raise ValueError("it is damaged")
-        parts.append(part)
-        place += length
-    return np.frombuffer(b"".join(parts), kind).astype(kind.newbyteorder("="))
-
-
-def _encoded(length: int) -> int:
-    """Characters of so many bytes in base64."""
-    return 4 * -(-length // 3)
-
-
-def _decoded(body: bytes, start: int, length: int) -> bytes:
-    if start + _encoded(length) > len(body):
-        raise ValueError("it is damaged: it ends early")
-    return binascii.a2b_base64(body[start : start + _encoded(length)])[:length]

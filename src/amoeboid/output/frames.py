@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
-from zlib import crc32
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from amoeboid.arrays import Array, Index
+from amoeboid.arrays import Array
 from amoeboid.meshes.cells import InitialCell
+from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.observables import retrograde_flow
 from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
 from amoeboid.surface.cell import SurfaceCell
-
-# How the arrays of a frame are stored: as they are, behind the text of the file.
-HEADER = 'byte_order="LittleEndian" header_type="UInt64"'
-APPENDED = '<AppendedData encoding="raw">'
-CHECKSUM = "<!-- crc32 of the arrays: {:08x} -->"
 
 
 class FrameFiles:
@@ -101,59 +95,6 @@ def write_initial(path: Path, cell: InitialCell) -> None:
     """Write a cell that a run starts as; `initial.from_frame` reads it."""
     numbers = {"t": np.zeros(1), "zeta0": np.array([cell.zeta0])}
     path.write_bytes(frame_bytes(cell.r, cell.faces, {"c": cell.c}, numbers))
-
-
-def frame_bytes(
-    r: Array, faces: Index, fields: Mapping[str, Array], numbers: Mapping[str, Array]
-) -> bytes:
-    """A file of VTK PolyData: nodes (V, 3), triangles (F, 3), and what `frame_arrays` gives."""
-    blocks = _Blocks()
-    corners = 3 * np.arange(1, len(faces) + 1)
-    lines = [
-        f'<VTKFile type="PolyData" version="1.0" {HEADER}>',
-        "<PolyData>",
-        "<FieldData>",
-        *(blocks.add(name, value, f'NumberOfTuples="{np.size(value)}"')
-          for name, value in numbers.items()),
-        "</FieldData>",
-        f'<Piece NumberOfPoints="{len(r)}" NumberOfVerts="0" NumberOfLines="0" NumberOfStrips="0" '
-        f'NumberOfPolys="{len(faces)}">',
-        '<PointData Scalars="c">',
-        *(blocks.add(name, values, f'NumberOfComponents="{values[0].size}"')
-          for name, values in fields.items()),
-        "</PointData>",
-        "<Points>", blocks.add("Points", r, 'NumberOfComponents="3"'), "</Points>",
-        "<Polys>", blocks.add("connectivity", faces), blocks.add("offsets", corners), "</Polys>",
-        "</Piece>",
-        "</PolyData>",
-        CHECKSUM.format(blocks.checksum),
-        f"{APPENDED}_",
-    ]  # fmt: skip
-    end = b"\n</AppendedData>\n</VTKFile>\n"
-    return b"".join(["\n".join(lines).encode(), *blocks.data, end])
-
-
-class _Blocks:
-    """The arrays of a file, one after the other, each behind its size in bytes."""
-
-    def __init__(self) -> None:
-        self.data: list[bytes] = []
-        self.checksum = 0
-        self._place = 0
-
-    def add(self, name: str, values: ArrayLike, shape: str = "") -> str:
-        """Append an array; returns the element that says where it lies."""
-        array = np.asarray(values)
-        whole = array.dtype.kind in "iu"
-        block = np.ascontiguousarray(array, "<i8" if whole else "<f8").tobytes()
-        start = self._place
-        self.data += [len(block).to_bytes(8, "little"), block]
-        self.checksum = crc32(block, self.checksum)
-        self._place += 8 + len(block)
-        kind = "Int64" if whole else "Float64"
-        return (
-            f'<DataArray type="{kind}" Name="{name}" {shape} format="appended" offset="{start}"/>'
-        )
 
 
 def frame_name(count: int) -> str:

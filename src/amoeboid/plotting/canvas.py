@@ -9,11 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from PIL import Image, ImageDraw, ImageFont
 
 from amoeboid.arrays import Array, Index
+from amoeboid.extras import needed
 from amoeboid.plotting.palette import INK
 
+PICTURE = "a picture of a cell needs"
 SMOOTHING = 2  # pixels drawn for one of the picture, in both directions
 FACET = 16.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
 MAX_CUTS = 64
@@ -54,6 +55,9 @@ class Canvas:
         self, width: int, height: int, axes: tuple[Array, Array, Array], middle: Array, scale: float
     ) -> None:
         self._size = (width * SMOOTHING, height * SMOOTHING)
+        needed("PIL", PICTURE)
+        from PIL import Image, ImageDraw
+
         self._image = Image.new("RGB", self._size, "white")
         self._draw = ImageDraw.Draw(self._image)
         self._right, self._up, self._sight = axes
@@ -116,6 +120,8 @@ class Canvas:
 
     def text(self, place: Array, words: str, color: str, size: float, anchor: str = "mm") -> None:
         """Words at a place of the picture (2,), in pixels that are drawn."""
+        from PIL import ImageFont
+
         font = ImageFont.load_default(size * SMOOTHING)
         self._flush()
         self._draw.text((float(place[0]), float(place[1])), words, color, font, anchor)
@@ -126,6 +132,8 @@ class Canvas:
         low, high = round(top * self._size[1]), round(bottom * self._size[1])
         strip = colors(np.linspace(0.0, 1.0, end - begin))
         block = np.repeat(np.rint(strip)[None].astype(np.uint8), high - low, axis=0)
+        from PIL import Image
+
         self._image.paste(Image.fromarray(block), (begin, low))
 
     def color_bar(self, low: float, high: float, title: str, font_size: float) -> None:
@@ -140,8 +148,8 @@ class Canvas:
         """The place at shares of the width from the left and of the height from the top."""
         return np.array([x * self._size[0], y * self._size[1]])
 
-    def image(self) -> Image.Image:
-        """The picture."""
+    def image(self) -> Any:
+        """The picture, an image of Pillow."""
         self._flush()
         return self._image.reduce(SMOOTHING)
 

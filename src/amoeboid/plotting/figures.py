@@ -10,12 +10,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.extras import needed
 from amoeboid.output.atomic import write_atomically
 from amoeboid.validation import InvalidInput
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+DRAWING = "a picture needs"
 # The same figure is the same file: no dates, no random names of parts.
 METADATA = {
     ".png": {},
@@ -28,8 +30,7 @@ HASH_SALT = "amoeboid"
 @contextmanager
 def own_settings() -> Iterator[None]:
     """matplotlib's own defaults, whatever the user's matplotlibrc says (text.usetex, fonts)."""
-    import matplotlib
-
+    matplotlib = needed("matplotlib", DRAWING)
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams["svg.hashsalt"] = HASH_SALT
@@ -41,6 +42,7 @@ def new_figure(width: float, height: float, layout: Any = "constrained") -> Figu
 
     `layout`: what finds the places of its parts; None leaves them where they are put.
     """
+    needed("matplotlib", DRAWING)
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -79,6 +81,7 @@ def axes_for(ax: Any = None) -> Any:
         raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
     if ax is not None:
         return ax
+    needed("matplotlib", DRAWING)
     from matplotlib import pyplot
 
     return pyplot.subplots(layout="constrained")[1]

@@ -86,7 +86,8 @@ class Kymograph:
     """c (T, K) [N/L^2] at times t (T,) [T] and angles theta (K,) from the rear of the cell.
 
     theta = 0 is the rear, pi the front, along the axis of polarity of each time; c is the mean
-    around that axis. Until the cell has polarity the axis is that of the last time.
+    around that axis, `values` (T, K) are its plain numbers. Until the cell has polarity the axis is
+    that of the last time.
     """
 
     parameters: Parameters
@@ -139,12 +140,12 @@ def kymograph(frames: Iterable[Snapshot], last: Snapshot, angles: int = 45) -> K
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Spectrum:
-    """Power of c or of the shape by degree l of spherical harmonics, at times t (T,).
+    """Power of a `field`, c or the shape, by degree l of spherical harmonics, at times t (T,).
 
     `power` (T, l_max + 1): the mean square over all directions of the part of degree l, of c in
     N^2/L^4, of the shape (the distance from the center of volume over R0) without unit; the sum
-    over l is the mean square of the whole. Fitted to the nodes by least squares, weighted by their
-    solid angles.
+    over l is the mean square of the whole. `values` are its plain numbers. Fitted to the nodes by
+    least squares, weighted by their solid angles.
     """
 
     parameters: Parameters
@@ -159,7 +160,7 @@ class Spectrum:
 
     @property
     def l(self) -> Array:  # noqa: E743
-        """The degrees, 0 to l_max."""
+        """The degrees, 0 to l_max: (l_max + 1,)."""
         return np.arange(self.values.shape[1])
 
     @property

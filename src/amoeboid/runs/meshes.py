@@ -21,7 +21,7 @@ from amoeboid.validation import InvalidInput
 class Icosphere:
     """A sphere of 10 * 4**n + 2 nodes: an icosahedron subdivided n times, made even.
 
-    A run takes n from 1 to 6. Raises InvalidInput for another.
+    n is `subdivisions`; a run takes n from 1 to 6. Raises InvalidInput for another.
 
     >>> Icosphere(3)
     Icosphere(3)

@@ -36,6 +36,10 @@ class Persistence:
     Errors are standard errors for independent steps of the heading, as a random walk has: the lag
     must be longer than what the heading remembers of its last step. Whether it is, shows a second
     lag: D_r must stay.
+
+    In plain numbers: `lag_number` is the lag, `correlations` (K,) is `autocorrelation`,
+    `first_error` the error of its second entry, `mean_turning` (3,) the mean rotation of the
+    heading in a lag, with its error `mean_turning_error` (3,).
     """
 
     parameters: Parameters
@@ -129,7 +133,7 @@ class Persistence:
 
 
 def persistence(runs: Any, lag: Any = None, after: Any = None) -> Persistence:
-    """Persistence and turning of the heading of one run, or of several of the same cell.
+    """Persistence and turning of the heading of `runs`: one, or several of the same cell.
 
     `lag`: the time between two headings, by default a twentieth of what counts; `after`: headings
     count from this time on, by default from a quarter of each run on; both [T], for cells with

@@ -143,18 +143,21 @@ class Run:
         return self.last.stability_problem
 
     def kymograph(self, angles: int = 45) -> Kymograph:
-        """c along the polarity axis of each frame: over time and the angle from the rear."""
+        """c along the polarity axis of each frame: over time and `angles` angles from the rear."""
         return kymograph(self._some_frames(), self.final, angles)
 
     def spectrum(self, field: str = "c", l_max: int | None = None) -> Spectrum:
-        """Power by degree of spherical harmonics of "c" or "shape", for each frame.
+        """Power by degree of spherical harmonics of a `field`, "c" or "shape", for each frame.
 
         Degrees are up to l_max, by default 4, or fewer on a mesh of few nodes.
         """
         return spectrum(self._some_frames(), self.parameters, field, l_max)
 
     def persistence(self, lag: Any = None, after: Any = None) -> Persistence:
-        """How long the cell keeps its heading, and how it turns; see `amoeboid.persistence`."""
+        """How long the cell keeps its heading, and how it turns.
+
+        `lag` and `after` [T] are those of `amoeboid.persistence`. Raises InvalidInput.
+        """
         return persistence(self, lag, after)
 
     def _some_frames(self) -> Sequence[Snapshot]:
@@ -166,7 +169,10 @@ class Run:
 
     @property
     def columns(self) -> dict[str, Column]:
-        """The time series in the units of the parameters; NaN where a column is not known."""
+        """The time series in the units of the parameters; NaN where a column is not known.
+
+        Raises InvalidInput for a run without one.
+        """
         p, found = self.parameters, {}
         if "t" not in self.units:
             raise InvalidInput("a run must have a time series for this, it has none")
@@ -245,11 +251,11 @@ class Run:
     ) -> list[Path]:
         """Write the run for other programs, or as a movie; gives the paths of the files.
 
-        `export("movie.mp4")`: the ending names the format; `export("out", "vtp")` fills a folder.
-        Formats: csv, gif, html, mp4, napari, netcdf, ply, stl, trackmate, vtp. `frames`: a slice, a
-        number, or a text such as "0:100:10"; `follow` keeps the cell in the middle; `fps`: of a
-        movie. What is there is not replaced without `force`. Raises InvalidInput, also where a
-        package is missing, and OSError.
+        `path`: a file or a folder; `to`: the format. `export("movie.mp4")`: the ending names the
+        format; `export("out", "vtp")` fills a folder. Formats: csv, gif, html, mp4, napari, netcdf,
+        ply, stl, trackmate, vtp. `frames`: a slice, a number, or a text such as "0:100:10";
+        `follow` keeps the cell in the middle; `fps`: of a movie. What is there is not replaced
+        without `force`. Raises InvalidInput, also where a package is missing, and OSError.
         """
         return outside(
             "exports.export.export", self, path, to,

@@ -52,6 +52,10 @@ from amoeboid.validation import InvalidInput
 class Solution(Run):
     """A run that has been made, see `Run`; `config` is what it was made with.
 
+    `status` and `ended` say how and why it ended, `rows` are the time series in plain numbers, of
+    the observables `observe` (of all if None), and `last` is the step that it can be continued
+    from.
+
     >>> import amoeboid as am
     >>> sol = am.simulate(mesh=am.Icosphere(1), until=am.time(1.0))
     >>> sol
@@ -83,7 +87,8 @@ class Solution(Run):
     ) -> Solution:
         """The run continued in memory until other events, exactly as if it had not stopped.
 
-        Raises InvalidInput where it would end at once.
+        `until` and `writers` are those of `simulate`. Raises InvalidInput where it would end at
+        once.
         """
         check_progress(progress)
         config, events = ended_by(self.config, until)

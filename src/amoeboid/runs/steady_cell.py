@@ -59,14 +59,14 @@ class SteadyCell(Snapshot):
 
     @cached_property
     def plain_velocity(self) -> Array:
-        """`velocity` in the units of the solver."""
+        """`velocity` (3,) in the units of the solver."""
         if self.parameters.has_friction:
             return friction.velocity(self.cell)
         return cortex_drag_velocity(self.cell)
 
     @property
     def plain_angular_velocity(self) -> Array:
-        """`angular_velocity` in the units of the solver."""
+        """`angular_velocity` (3,) in the units of the solver."""
         assert self.state.angular_velocity is not None  # noqa: S101
         return self.state.angular_velocity
 
@@ -128,7 +128,7 @@ class SteadyCell(Snapshot):
 
     @one_thread
     def growth(self, max_error: float) -> tuple[Growth, NDArray[np.complex128] | None]:
-        """The fastest perturbation: its growth rate, to an error in units of the rate, and itself.
+        """The fastest perturbation: growth rate, to `max_error` in units of the rate, and itself.
 
         In plain numbers: a mode (2V,) holds c'/(c0 + c) and h/R0 at the nodes.
         """
@@ -209,7 +209,7 @@ class SteadyCell(Snapshot):
         return found | {name: Recorded(word, title=title(name)) for name, word in words.items()}
 
     def number(self, name: str) -> float:
-        """An observable, or a number of `PATH`, as a plain number in the units of the solver."""
+        """The observable `name`, or a number of `PATH`, as a plain number in the solver's units."""
         if name in ("growth_rate", "frequency"):
             known = self._growth.rate
             if known is None:
@@ -225,12 +225,12 @@ class SteadyCell(Snapshot):
         return OBSERVABLES[name].values(name, self.cell)[0]
 
     def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
-        """Observables as programs read them, in the units that texts show."""
+        """The observables `names` as programs read them, in the units that texts show."""
         p = self.parameters
         return {n: physical_number(p, self.number(n), OBSERVABLES[n].dimension) for n in names}
 
     def text(self, name: str) -> str:
-        """An observable with its unit, if the cell has physical ones."""
+        """The observable `name` with its unit, if the cell has physical ones."""
         return text(self.parameters, self.number(name), OBSERVABLES[name].dimension)
 
     def _way(self) -> list[tuple[str, Any]]:

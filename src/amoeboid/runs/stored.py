@@ -128,7 +128,7 @@ class StoredRun(Run):
 
     @cached_property
     def frames(self) -> StoredFrames:
-        """The frames, each read when it is asked for."""
+        """The frames, each read when asked for. Raises InvalidInput where they cannot be."""
         try:
             entries = _entries(text_in(self.folder, "frames.pvd"))
             there = set(os.listdir(within(self.folder, "frames"))) if entries else set()
@@ -178,8 +178,9 @@ class StoredRun(Run):
     ) -> StoredRun:
         """The run continued in its folder, as by `amoeboid run --resume`; gives it as it is then.
 
-        Raises InvalidInput where it cannot be read, or would end at once, and after Ctrl-C the
-        KeyboardInterrupt of `simulate`.
+        `until`, `writers` and `observe` are those of `simulate`. Raises InvalidInput where it
+        cannot be read, or would end at once, and after Ctrl-C the KeyboardInterrupt of `simulate`,
+        Interrupted.
         """
         check_progress(progress)
         config, events = ended_by(self.config, until)

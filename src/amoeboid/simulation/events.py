@@ -80,20 +80,24 @@ def steady(solve: bool = False) -> Steady:
     `solve`: once the cell is near a steady one, on a straight path, a circle or a helix, that one
     is solved for, and if it is stable the run ends with it: at the time at which it was near, with
     the reason "steady, solved for". It is the same cell but for where its nodes lie: observables
-    differ by the error of the mesh, and by what a run leaves when nothing seems to change.
+    differ by the error of the mesh, and by what a run leaves when nothing seems to change. Raises
+    nothing.
     """
     return Steady(solve)
 
 
 def time(t: Any) -> At:
-    """The event that the simulated time t [T] is reached; for cells with units also "300 s"."""
+    """The event that the simulated time t [T] is reached; for cells with units also "300 s".
+
+    Raises InvalidInput for a number that is no time; a quantity is checked when a run begins.
+    """
     if isinstance(t, int | float):
         Time(end=t)  # refuses what is no time
     return At(t)
 
 
 def when(text: str) -> When:
-    """The event that a condition holds, such as "polarity > 0.5" or "c_front < 0.1*c0 and t > 5".
+    """The event that the condition `text` holds: "polarity > 0.5", "c_front < 0.1*c0 and t > 5".
 
     It compares expressions of observables, yours included, of parameters, of the time t and of
     numbers. The run ends with the first step at whose end it holds. Raises InvalidInput.

@@ -17,15 +17,17 @@ from amoeboid.surface.steadiness import MAX_GROWTH_TIMES, UNSTABLE, Rest
 class Step:
     """An accepted step: the state it led to, the flow during it, and what the next one needs.
 
-    `model` may have another mesh than that of the step before, and has the parameters at the time
-    of the state, at a jump those before it; `history`: the state and those before it that the next
-    step needs, newest first; `rate` is the largest relative rate of change of shape and
-    concentration in units of model.rate; `rest` is None as long as the cell or one of its
-    parameters changes, and for an initial state; `ended` says why the run ends here, None if it
-    goes on; `tried`: the nodes (V, 3) of the last attempt to make a better mesh, if it failed;
-    `adapted`, of an initial state: what was done to a shape from a file; `solved`: the state is a
-    steady one that was solved for from that of the step; `noise_kept`: the share of the shot noise
-    of the step that its nodes had filaments enough for.
+    `number` of the step, from 0 for an initial state; `next_dt` [T]: the length that the next one
+    tries; `rejected`: attempts with a longer step that were too inaccurate. `model` may have
+    another mesh than that of the step before, and has the parameters at the time of the state, at a
+    jump those before it; `history`: the state and those before it that the next step needs, newest
+    first; `rate` is the largest relative rate of change of shape and concentration in units of
+    model.rate; `rest` is None as long as the cell or one of its parameters changes, and for an
+    initial state; `ended` says why the run ends here, None if it goes on; `tried`: the nodes (V, 3)
+    of the last attempt to make a better mesh, if it failed; `adapted`, of an initial state: what
+    was done to a shape from a file; `solved`: the state is a steady one that was solved for from
+    that of the step; `noise_kept`: the share of the shot noise of the step that its nodes had
+    filaments enough for.
     """
 
     number: int

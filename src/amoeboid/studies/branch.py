@@ -49,7 +49,8 @@ class SpecialPoint:
     """A point of a branch at which a mode of azimuthal number m is neutral.
 
     `kind` is "fold", "bifurcation" or "Hopf bifurcation"; `piece` the stretch that it lies on and
-    `length` its place there. m is None where the cell has no axis.
+    `length` its place there. `state` is the state there, `name` the parameter. m is None where the
+    cell has no axis.
     """
 
     kind: str
@@ -95,7 +96,8 @@ class Branch:
     `states`: the states, piece after piece; `piece` (points,) the number of the stretch that each
     lies on. `folds` and `bifurcations` are located exactly. `thresholds` are the values at which
     the branch leaves or meets the homogeneous sphere. `complete` says that it was followed to its
-    ends; `problems` says what may be missing, and why.
+    ends; `problems` says what may be missing, and why. In the units of the solver: `pieces` are the
+    states by stretch, `lengths` their places there, `origins` the numbers of `thresholds`.
     """
 
     parameters: Parameters
@@ -115,7 +117,7 @@ class Branch:
 
     @cached_property
     def piece(self) -> Array:
-        """The number of the stretch that each state lies on (points,)."""
+        """The number of the stretch that each state lies on (points,), from 0 [1]."""
         return np.repeat(np.arange(len(self.pieces)), [len(piece) for piece in self.pieces])
 
     @property
@@ -147,7 +149,7 @@ class Branch:
 
     @staticmethod
     def dimension(name: str) -> str | None:
-        """The dimension of such a number; None where none is stated."""
+        """The dimension of what `name` of `recorded` or `columns` is; None where none is stated."""
         return observed.dimension(name)
 
     def __getattr__(self, name: str) -> Any:
@@ -230,7 +232,7 @@ class Branch:
         return plotted(self, "branches.draw_branch", ax, observable=observable)
 
     def plain(self, number: float) -> float:
-        """A value of the parameter as programs read it, in its customary unit if it has one."""
+        """A `number` of the parameter as programs read it, in its customary unit if it has one."""
         return physical_number(self.parameters, number, self.parameters.dimension(self.name))
 
     def _at(self, number: float) -> str:
@@ -268,7 +270,7 @@ class Branch:
     def rows(
         self, states: Sequence[Any], names: Sequence[str]
     ) -> tuple[list[str], list[list[str]]]:
-        """Titles and cells of a table of states with these observables and their stability."""
+        """Titles and cells of a table of states: the observables `names`, and their stability."""
         return states_rows(states, names)
 
     def stability_of(self, state: Any, neutral: int | None = -1) -> dict[str, Any]:

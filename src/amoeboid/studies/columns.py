@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -12,10 +11,12 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.display import html_table
+from amoeboid.extras import needed
 from amoeboid.model.parameters import EXAMPLES, Parameters
 from amoeboid.model.units import customary_unit, in_unit, measured
 from amoeboid.validation import InvalidInput
 
+TABLE = "this table needs"
 NO_DIMENSION = (None, "", "1")
 MAX_HTML_ROWS = 60
 ROUNDING = 1e-12
@@ -135,7 +136,7 @@ def physical_number(p: Parameters, value: float, dimension: str | None) -> float
 
 def frame(columns: Mapping[str, Column], index: str = "") -> Any:
     """A pandas.DataFrame; units stand in its `attrs["units"]`."""
-    pandas = needed("pandas")
+    pandas = needed("pandas", TABLE)
     table = pandas.DataFrame({name: c.values for name, c in columns.items()})
     table.attrs["units"] = {name: c.unit for name, c in columns.items()}
     if index:
@@ -150,7 +151,7 @@ def dataset(
     **attributes: Any,
 ) -> Any:
     """An xarray.Dataset along one dimension; each variable has its unit as `attrs["units"]`."""
-    xarray = needed("xarray")
+    xarray = needed("xarray", TABLE)
     named = set(coordinates)
     data = {name: (dimension, c.values, {"units": c.unit}) for name, c in columns.items()}
     return xarray.Dataset(
@@ -158,17 +159,6 @@ def dataset(
         {name: entry for name, entry in data.items() if name in named},
         attrs=attributes,
     )
-
-
-def needed(package: str, extra: str = "[data]") -> Any:
-    """An optional package. Raises InvalidInput, saying how to install it, where it is missing."""
-    try:
-        return import_module(package)
-    except ImportError as error:
-        raise InvalidInput(
-            f"this table needs {package}, which cannot be imported ({error}): "
-            f"pip install 'amoeboid{extra}'"
-        ) from None
 
 
 def html(heading: str, columns: Mapping[str, Column], notes: Sequence[str] = ()) -> str:

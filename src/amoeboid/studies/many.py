@@ -17,10 +17,11 @@ from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
+from amoeboid.extras import needed
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
 from amoeboid.studies import observed
-from amoeboid.studies.columns import needed
+from amoeboid.studies.columns import TABLE
 from amoeboid.studies.recorded import Recorded, single
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput, refuse_unknown
@@ -55,26 +56,26 @@ class ManySteadyStates:
 
     @cached_property
     def status(self) -> Array:
-        """One word for every point."""
+        """One word for every point (points,)."""
         return np.array(STATUSES)[self.found.status].reshape(self.shape)
 
     @property
     def converged(self) -> Array:
-        """Where there is a state."""
+        """Where there is a state (points,)."""
         return np.asarray(self.found.status == CONVERGED).reshape(self.shape)
 
     @property
     def modes(self) -> Array:
-        """Modes of the series of each state."""
+        """Number of modes of the series of each state (points,) [1]."""
         return self.found.n.reshape(self.shape)
 
     def reason(self, *index: int) -> str:
-        """Why there is no state at a point, in words; empty where there is one."""
+        """Why there is no state at the point `index`, in words; empty where there is one."""
         k = self._number(index)
         return REASONS[self.found.status[k]].format(modes=self.found.n[k])
 
     def state(self, *index: int) -> SteadySolution:
-        """The state of a point, as the axisymmetric solver gives it; look at `converged`."""
+        """The state of the point `index`, as the axisymmetric solver gives it; see `converged`."""
         k = self._number(index)
         good = bool(self.found.status[k] == CONVERGED)
         return SteadySolution(
@@ -101,8 +102,8 @@ class ManySteadyStates:
         return self._known[name]
 
     def to_xarray(self, *names: str) -> Any:
-        """An xarray.Dataset of status, modes, parameters and observables, by default four."""
-        xarray = needed("xarray")
+        """An xarray.Dataset of status, modes, parameters and the observables `names`, or four."""
+        xarray = needed("xarray", TABLE)
         names = names or ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
         axes = tuple(f"point_{k}" for k in range(len(self.shape)))
         columns = self.points.columns()

@@ -53,7 +53,9 @@ class Migration:
     """A cell that is force- and torque-free in an environment; all numbers of docs/motility.md.
 
     Axes are those of the cell: z along the axis of an axisymmetric one, those of its nodes for one
-    in 3D. With physical units, numbers are quantities. `motion` holds them as plain numbers.
+    in 3D. With physical units, numbers are quantities. `motion` holds them as plain numbers, like
+    `fastest`, the maximum of the retrograde speed, and `modes` (n,), those of a squirmer. `surface`
+    says in words what migrates.
     """
 
     environment: Environment
@@ -80,12 +82,12 @@ class Migration:
 
     @property
     def velocity_over_max_retrograde_speed(self) -> float:
-        """`speed` over the maximum of the retrograde speed."""
+        """`speed` over the maximum of the retrograde speed [1]."""
         return float(self.plain("velocity_over_max_retrograde_speed"))
 
     @property
     def front(self) -> Array:
-        """Unit vector (3,) towards the front, where the concentration is low."""
+        """Unit vector (3,) towards the front, where the concentration is low [1]."""
         return self.motion.front
 
     @property
@@ -113,7 +115,7 @@ class Migration:
 
     @property
     def efficiency(self) -> float:
-        """Power that would tow the cell without its flow at this velocity, over `power`.
+        """Power that would tow the cell without its flow at this velocity, over `power` [1].
 
         Lighthill's efficiency, 1/2 for a flow u0 sin(theta) on a sphere in a fluid. It may exceed
         1, and is infinite where the surface slips nowhere against its surroundings.
@@ -127,7 +129,7 @@ class Migration:
 
     @property
     def beta(self) -> float:
-        """B_2/|B_1|: negative for a pusher, positive for a puller."""
+        """B_2/|B_1| [1]: negative for a pusher, positive for a puller."""
         return float(self.plain("beta"))
 
     @property
@@ -136,7 +138,7 @@ class Migration:
         return self._quantity("error")
 
     def plain(self, name: str) -> Any:
-        """A number or array in the units of the solver; names are those of `NUMBERS`."""
+        """A number or array in the units of the solver; `name` is one of `NUMBERS`."""
         found, r = self.motion, self.motion.resistance
         values: dict[str, Any] = {
             "speed": found.speed,
@@ -157,14 +159,14 @@ class Migration:
         return values[name]
 
     def number(self, name: str) -> Any:
-        """A number or array as programs read it, in the unit of `unit`."""
+        """The number or array `name` as programs read it, in the unit of `unit`."""
         found, dimension = np.asarray(self.plain(name)), NUMBERS[name]
         if self.units is not None and dimension != "1":
             found = found * in_unit(1.0, dimension, self.units, customary_unit(dimension))
         return found.tolist()
 
     def unit(self, name: str) -> str:
-        """The unit of `number`; "" for plain numbers."""
+        """The unit of `number(name)`; "" for plain numbers."""
         dimension = NUMBERS[name]
         return "" if self.units is None or dimension == "1" else customary_unit(dimension)
 

@@ -20,10 +20,11 @@ from amoeboid.axisymmetric.phase_diagram import (
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.display import html_picture, html_table, plotted
+from amoeboid.extras import needed
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
 from amoeboid.studies.columns import (
+    TABLE,
     magnitude,
-    needed,
     physical_number,
     quantity,
     shortened,
@@ -78,7 +79,7 @@ class PhaseDiagram:
 
     @property
     def regions(self) -> Array:
-        """Indices into `REGIONS` (rows, columns)."""
+        """Indices into `REGIONS` (rows, columns) [1]."""
         return self.solution.regions
 
     @property
@@ -108,7 +109,7 @@ class PhaseDiagram:
 
     def to_xarray(self) -> Any:
         """An xarray.Dataset over (v_p0, name): regions, their names and the retrograde speed."""
-        xarray, p, name = needed("xarray"), self.parameters, self.name
+        xarray, p, name = needed("xarray", TABLE), self.parameters, self.name
         axes = ("v_p0", name)
         values = magnitude(p, self.solution.values, p.dimension(name))
         speeds = magnitude(p, self.solution.speeds, SPEED)
@@ -128,7 +129,7 @@ class PhaseDiagram:
 
     def to_pandas(self) -> Any:
         """A pandas.DataFrame with one row a cell of the diagram."""
-        needed("pandas")
+        needed("pandas", TABLE)
         return self.to_xarray().to_dataframe().reset_index()
 
     def plot(self, ax: Any = None) -> Any:
@@ -136,7 +137,7 @@ class PhaseDiagram:
         return plotted(self, "branches.draw_phase_diagram", ax)
 
     def plain(self, name: str, value: float) -> float:
-        """A value of v_p0 or of the parameter as programs read it, in the unit of `units`."""
+        """A value of `name`, v_p0 or the parameter, as programs read it: in the unit of `units`."""
         return physical_number(self.parameters, value, self.parameters.dimension(name))
 
     @property
@@ -214,7 +215,8 @@ def phase_diagram(
 
     `low` and `high` are the ends of the window of the parameter, `speeds` those of v_p0; with
     physical parameters they are quantities such as "2 um/s". What is left out is the window of the
-    paper's table in units of this cell (D and v_p0 alone). `watch` is called with every step.
+    paper's table in units of this cell (D and v_p0 alone). Found at
+    `columns` values of v_p0 and `rows` of the parameter. `watch` is called with every step.
     Raises InvalidInput for windows that cannot be, and where there is nothing to measure them in.
     """
     refuse_no_parameters(p)

@@ -72,7 +72,7 @@ class SteadyState:
         return sorted({*object.__dir__(self), *observed.names()})
 
     def number(self, name: str) -> float:
-        """An observable as a plain number in the units of the solver."""
+        """The observable `name` as a plain number in the units of the solver."""
         if name not in self._known_numbers:
             self._known_numbers[name] = observed.observed(self.solution, name)
         return self._known_numbers[name]
@@ -146,14 +146,14 @@ class SteadyState:
         return plotted(self, "branches.draw_state", ax)
 
     def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
-        """Observables as programs read them, in the units of `physical_units`."""
+        """The observables `names` as programs read them, in the units of `physical_units`."""
         p = self.parameters
         return {
             name: physical_number(p, self.number(name), observed.dimension(name)) for name in names
         }
 
     def text(self, name: str) -> str:
-        """An observable with its unit, if the cell has physical ones."""
+        """The observable `name` with its unit, if the cell has physical ones."""
         return text(self.parameters, self.number(name), observed.dimension(name))
 
     def __repr__(self) -> str:

@@ -170,7 +170,7 @@ class Theory:
         return self.summary.notes
 
     def plain(self, name: str) -> Any:
-        """An entry as programs read it: plain numbers in the unit of `unit`."""
+        """The entry `name` as programs read it: plain numbers in the unit of `unit`."""
         dimension = vars(type(self))[name].dimension
 
         def convert(value: Any) -> Any:
@@ -203,11 +203,11 @@ class Theory:
         return Recorded([value.get(l) for l in degrees], unit, title, ("l",), labels)
 
     def unit(self, name: str) -> str:
-        """The unit of `plain`; the dimension where the parameters have no physical units."""
+        """The unit of `plain(name)`; the dimension where the parameters have no physical units."""
         return unit(self.parameters, vars(type(self))[name].dimension)
 
     def text(self, name: str) -> str:
-        """An entry as it is printed, with its unit; "none" where there is no such number."""
+        """The entry `name` as it is printed, with its unit; "none" where there is none."""
         value, dimension = self._listed(name), vars(type(self))[name].dimension
         if value is None or value == []:
             return "none"

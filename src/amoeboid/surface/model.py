@@ -185,13 +185,16 @@ class Model:
         return speed if self.cue is None else speed * self.cue_factor(self.directions(r))
 
     def cue_factor(self, directions: Array) -> Array:
-        """Factor (V,) of v_p at unit vectors (V, 3) from the center of volume; 1 without a cue."""
+        """Factor (V,) of v_p [1]; 1 without a cue.
+
+        `directions`: unit vectors (V, 3) from the center of volume.
+        """
         if self.cue is None:
             return np.ones(len(directions))
         return factor_of(self.cue, directions, self.t)
 
     def directions(self, r: Array) -> Array:
-        """Unit vectors (V, 3) from the center of volume to the nodes r (V, 3)."""
+        """Unit vectors (V, 3) [1] from the center of volume to the nodes r (V, 3) [L]."""
         x = r - volume_centroid(r, self.mesh.faces)
         return np.asarray(x / np.linalg.norm(x, axis=1)[:, None])
 
@@ -207,10 +210,10 @@ class Model:
 
     @property
     def transposed(self) -> NDArray[np.int64]:
-        """See Solvers."""
+        """Places of the transposed entries in the pattern of the mesh, of P entries (P,) [1]."""
         return self.solvers.transposed
 
     @property
     def diagonal(self) -> NDArray[np.int64]:
-        """See Solvers."""
+        """Places of the diagonal in the pattern of the mesh (V,) [1]."""
         return self.solvers.diagonal

@@ -9,12 +9,12 @@ from amoeboid.arrays import Array
 
 @dataclass(frozen=True, eq=False, repr=False)
 class State:
-    """A cell at time t: nodes r (V, 3), concentration c (V,), tension zeta0.
+    """A cell at time t [T]: nodes r (V, 3) [L], c (V,) [N/L^2], tension zeta0 [M/T^2].
 
-    The nodes are relative to a frame that follows the cell. `position` (3,): the path of the cell
-    if all drag is on the cortex, uniformly, that is in the frame where the mean cortex velocity
-    vanishes. `angular_velocity` (3,) [1/T]: that of shape and concentration, relative to fixed
-    axes; None if no step on this mesh has led to this state.
+    The nodes are relative to a frame that follows the cell. `position` (3,) [L]: the path of the
+    cell if all drag is on the cortex, uniformly, that is in the frame where the mean cortex
+    velocity vanishes. `angular_velocity` (3,) [1/T]: that of shape and concentration, relative to
+    fixed axes; None if no step on this mesh has led to this state.
     """
 
     t: float
@@ -33,7 +33,8 @@ class Flow:
     """Velocities at the nodes (V, 3), in the frame of the nodes, and the tension.
 
     v_c is the cortex velocity, v_p the polymerization velocity; v = v_c + v_p moves the shape.
-    `normals` (V, 3) point outward, `node_areas` (V,) are the areas of the nodes.
+    `normals` (V, 3) point outward, `node_areas` (V,) are the areas of the nodes [L^2]. Velocities
+    are [L/T], the tension `zeta0` is [M/T^2].
     """
 
     v_c: Array
@@ -44,7 +45,7 @@ class Flow:
 
     @property
     def v(self) -> Array:
-        """Full velocity v = v_c + v_p."""
+        """Full velocity v = v_c + v_p (V, 3) [L/T]."""
         return self.v_c + self.v_p
 
     def __repr__(self) -> str:

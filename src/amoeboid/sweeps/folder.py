@@ -26,15 +26,11 @@ from io import FileIO
 from pathlib import Path
 from typing import Any
 
+from amoeboid.locks import FileLock, TakenError
 from amoeboid.output.atomic import PARTIAL, remove_partial, text_of, write_text
 from amoeboid.sweeps.evaluation import FAILED, STATUSES, without_conflicts
 from amoeboid.sweeps.meanings import Meanings, agreed, holds, joined, meaning_from
 from amoeboid.validation import InvalidInput
-
-try:
-    import fcntl
-except ImportError:  # without it nobody notices two processes on one folder
-    fcntl = None  # type: ignore[assignment]
 
 FORMAT, VERSION = "amoeboid sweep", 1
 MANIFEST, TABLE, LOCK, RESULTS = "sweep.json", "sweep.nc", ".lock", "results"
@@ -183,24 +179,23 @@ class SweepFolder:
 
     def _locked(self, path: Path, shared: bool, locks: ExitStack) -> bool:
         """Keep others away, but for other shards if `shared`; False where that is not possible."""
-        if fcntl is None:
-            return False
-        file = locks.enter_context(path.open("a+"))
+        lock = FileLock(path, shared)
         try:
-            fcntl.flock(file, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
-        except BlockingIOError:
+            held = lock.take()
+        except TakenError as by:
             raise InvalidInput(
-                f"the folder of a sweep must be used by one process at a time, another one is at "
-                f"work in {str(self.path)!r}; wait for it, choose another folder, or share the "
-                "work as shards (--shard 1/2 and --shard 2/2)"
+                f"the folder of a sweep must be used by one process at a time, {str(self.path)!r} "
+                f"is used by {by}; wait for it, choose another folder, or share the work as shards "
+                "(--shard 1/2 and --shard 2/2)"
             ) from None
-        except OSError as error:
+        locks.callback(lock.release)
+        if lock.why_not:
             warnings.warn(
-                f"{str(path)!r} cannot be locked ({error}): let one process work in this folder",
+                f"{str(path)!r} cannot be locked ({lock.why_not}): let one process work in this "
+                "folder",
                 stacklevel=2,
             )
-            return False
-        return True
+        return held
 
 
 def _learn(known: Meanings, meanings: Meanings) -> Meanings:

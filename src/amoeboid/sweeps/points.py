@@ -39,7 +39,8 @@ class Points:
 
     `columns`: the values of each name (points,), in the units of the base. `dims` and `shape`: the
     dimensions of the table, one for each name of a grid, else `point`. `cells` are given instead of
-    a base where the points are a list of parameters. `seed`: of random points.
+    a base where the points are a list of parameters. `seed`: of random points. `axes` are the
+    values of each dimension of a grid, `spacings` how they are spaced, "linear" or "log".
     """
 
     base: Base
@@ -69,7 +70,7 @@ class Points:
         return {name: values[k] for name, values in self.columns.items()}
 
     def cell(self, k: int) -> Base:
-        """The parameters, or the configuration, of a point. Raises InvalidInput."""
+        """The parameters, or the configuration, of point k. Raises InvalidInput."""
         return self.cells[k] if self.cells else changed(self.base, self.changes(k))
 
     def dimension(self, name: str) -> str | None:
@@ -133,7 +134,8 @@ def grid(base: Base | None = None, **vary: Any) -> Points:
 def paired(base: Base | None = None, **vary: Any) -> Points:
     """Points in a row: the first values together, then the second ones, and so on.
 
-    Raises InvalidInput for lists of different length. For the rest see `grid`.
+    `vary`: lists of values by parameter. Raises InvalidInput for lists of different length. For the
+    rest see `grid`.
 
     >>> import amoeboid as am
     >>> am.paired(D=[0.03, 0.4], v_p0=[3.8, 6]).changes(1)
@@ -151,10 +153,11 @@ def paired(base: Base | None = None, **vary: Any) -> Points:
 
 
 def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -> Points:
-    """Random points that fill ranges evenly: a scrambled Sobol sequence.
+    """Random points that fill ranges evenly: the first `count` of a scrambled Sobol sequence.
 
-    A range is `(low, high)`, or `{"logspace": [low, high]}` for one that is even in the logarithm.
-    The first points of a longer sequence with the same seed are the same. Raises InvalidInput.
+    `vary`: ranges by parameter. A range is `(low, high)`, or `{"logspace": [low, high]}` for one
+    that is even in the logarithm. The first points of a longer sequence with the same seed are the
+    same. Raises InvalidInput.
 
     >>> import amoeboid as am
     >>> points = am.sobol(100, seed=1, D=(0.1, 0.6), v_p0=(4, 8))

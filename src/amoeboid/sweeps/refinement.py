@@ -30,7 +30,7 @@ Place = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Refinement:
-    """A grid that is refined where a label changes; see `refine`."""
+    """A grid that is refined where a label changes, `depth` times; see `refine`."""
 
     grid: Points
     label: tuple[str, ...]

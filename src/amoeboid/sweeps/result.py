@@ -48,7 +48,8 @@ class Sweep:
     `dataset` has them in one xarray.Dataset over what varied: numbers with their units, NaN where
     an answer has none (yes and no are 1 and 0), texts, and `status`, `why` and `warnings` of every
     point. `sweep["max_retrograde_speed"]` is a variable of it. `failed` lists the points that
-    failed. `rows` are the lines of the points, None where nothing was computed yet.
+    failed. `rows` are the lines of the points, None where nothing was computed yet. `folder`: where
+    they are kept, None if nowhere.
     """
 
     layout: Layout
@@ -118,7 +119,7 @@ class Sweep:
         )
 
     def plot(self, ax: Any = None, observable: str | None = None) -> Any:
-        """Draw a recorded number or text over the one or two parameters that vary.
+        """Draw a recorded number or text, `observable`, over the one or two parameters that vary.
 
         Takes and returns axes. Raises InvalidInput for more than two parameters, and an unknown
         name.
@@ -126,8 +127,7 @@ class Sweep:
         return plotted(self, "sweeps.draw", ax, observable=self.telling(observable))
 
     def telling(self, observable: str | None = None) -> str:
-        """The name that is drawn: that which is asked for, or the retrograde speed, or the first
-        number.
+        """The name that is drawn: `observable`, or the retrograde speed, or the first number.
 
         Raises InvalidInput where there is none.
         """

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.extras import check, needed
 from amoeboid.output.atomic import write_atomically
-from amoeboid.studies.columns import magnitude, needed, unit
+from amoeboid.studies.columns import TABLE, magnitude, unit
 from amoeboid.studies.recorded import title
 from amoeboid.sweeps.evaluation import MISSING, OWN_NAMES
 from amoeboid.sweeps.meanings import NUMBER, TEXT, Meaning, Meanings
@@ -179,7 +180,7 @@ def _sizes(value: Any) -> Iterator[int]:
 
 def dataset(layout: Layout, found: Mapping[str, Column]) -> Any:
     """The xarray.Dataset of a sweep. Raises InvalidInput where xarray is missing."""
-    xarray = needed("xarray")
+    xarray = needed("xarray", TABLE)
     data = {name: (c.dims, c.values, _attributes(c.meaning)) for name, c in found.items()}
     coordinates: dict[str, Any] = {
         name: (c.dims, np.array(c.values), {"units": c.unit, "long_name": c.title})
@@ -203,5 +204,4 @@ def write_netcdf(table: Any, path: Path) -> None:
 
 def check_netcdf() -> None:
     """Raise InvalidInput where a package that NetCDF needs is missing."""
-    for package in ("xarray", "h5netcdf", "h5py"):
-        needed(package)
+    check("a table in NetCDF needs", "xarray", "h5netcdf", "h5py")

@@ -74,5 +74,5 @@ def files(job: Job) -> Mapping[str, Write]:
 
 FORMAT = Format(
     f"a movie of {WINDOW[0]} x {WINDOW[1]} pixels with time, scale bar and colors", ".gif", files,
-    frozenset({"follow", "fps"}), max_fps=MAX_FPS,
+    frozenset({"follow", "fps"}), ("PIL",), max_fps=MAX_FPS,
 )  # fmt: skip

@@ -92,4 +92,7 @@ def files(job: Job) -> Mapping[str, Write]:
     return {f"{job.name}.html": lambda path: write(job, path)}
 
 
-FORMAT = Format("a page for browsers that turns the moving cell, without a network", ".html", files)
+FORMAT = Format(
+    "a page for browsers that turns the moving cell, without a network", ".html", files,
+    packages=("matplotlib",),
+)  # fmt: skip

@@ -6,11 +6,11 @@ import shutil
 import subprocess
 from collections.abc import Mapping
 from contextlib import suppress
-from importlib import import_module
 from pathlib import Path
 
 from amoeboid.exports.job import Format, Job, Write
 from amoeboid.exports.movie import WINDOW, pictures
+from amoeboid.extras import installed, needed, remedy
 from amoeboid.validation import InvalidInput
 
 QUALITY = 18  # of libx264: 0 loses nothing, 51 nearly all
@@ -19,14 +19,18 @@ MAX_WORDS = 300  # characters of what ffmpeg says
 
 def program() -> str:
     """The ffmpeg of imageio-ffmpeg, or that of the system. Raises InvalidInput without both."""
+    found = shutil.which("ffmpeg")
+    if found is not None and not installed("imageio_ffmpeg"):
+        return found
     try:
-        return str(import_module("imageio_ffmpeg").get_ffmpeg_exe())
-    except (ImportError, RuntimeError) as error:
-        found = shutil.which("ffmpeg")
+        return str(
+            needed("imageio_ffmpeg", "an export to mp4 without ffmpeg needs").get_ffmpeg_exe()
+        )
+    except RuntimeError as error:
         if found is None:
             raise InvalidInput(
-                f"an export to mp4 needs ffmpeg, which was not found ({error}): "
-                "pip install 'amoeboid[movie]', or export to gif"
+                f"an export to mp4 needs ffmpeg, which was not found ({error}); {remedy('movie')}, "
+                "or export to gif"
             ) from None
         return found
 
@@ -64,5 +68,9 @@ def files(job: Job) -> Mapping[str, Write]:
 
 
 FORMAT = Format(
-    "a movie (H.264) with time, scale bar and colors", ".mp4", files, frozenset({"follow", "fps"})
+    "a movie (H.264) with time, scale bar and colors",
+    ".mp4",
+    files,
+    frozenset({"follow", "fps"}),
+    ("PIL",),
 )

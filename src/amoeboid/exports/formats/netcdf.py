@@ -134,6 +134,6 @@ FORMAT = Format(
     "one file for xarray with the time series and all frames as arrays",
     ".nc",
     files,
-    packages={"h5netcdf": "data", "h5py": "data"},
+    packages=("h5netcdf", "h5py"),
     frames=False,
 )

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from amoeboid.exports.job import Format, Job, Write
-from amoeboid.exports.surfaces import FIELDS, one_each, unit_text
+from amoeboid.exports.job import Job
+from amoeboid.exports.surfaces import FIELDS, surface_format, unit_text
 from amoeboid.surface.cell import SurfaceCell
 
 COLUMNS = ("x", "y", "z", "nx", "ny", "nz", "c", "flow_x", "flow_y", "flow_z")
@@ -34,15 +32,8 @@ def encoded(job: Job, cell: SurfaceCell) -> bytes:
     return "\n".join(header).encode() + values.astype("<f8").tobytes() + faces.tobytes()
 
 
-def files(job: Job) -> Mapping[str, Write]:
-    """A file for each frame."""
-    return one_each(job, ".ply", encoded)
-
-
-FORMAT = Format(
+FORMAT = surface_format(
     "surfaces with normals, c and the retrograde flow at the vertices (MeshLab, Blender, trimesh)",
     ".ply",
-    files,
-    frozenset({"follow"}),
-    one_per_frame=True,
+    encoded,
 )

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
-from amoeboid.exports.job import Format, Job, Write
-from amoeboid.exports.surfaces import one_each
+from amoeboid.exports.job import Job
+from amoeboid.exports.surfaces import surface_format
 from amoeboid.meshes.stl import HEADER, TRIANGLE
 from amoeboid.surface.cell import SurfaceCell
 
@@ -24,15 +22,8 @@ def encoded(job: Job, cell: SurfaceCell) -> bytes:
     return comment.ljust(HEADER - 4) + len(corners).to_bytes(4, "little") + triangles.tobytes()
 
 
-def files(job: Job) -> Mapping[str, Write]:
-    """A file for each frame."""
-    return one_each(job, ".stl", encoded)
-
-
-FORMAT = Format(
+FORMAT = surface_format(
     "surfaces as triangles alone, in single precision",
     ".stl",
-    files,
-    frozenset({"follow"}),
-    one_per_frame=True,
+    encoded,
 )

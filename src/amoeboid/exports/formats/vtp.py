@@ -9,7 +9,8 @@ import numpy as np
 
 from amoeboid.exports.job import Format, Job, Write
 from amoeboid.exports.surfaces import FIELDS, one_each
-from amoeboid.output.frames import collection, frame_bytes
+from amoeboid.meshes.vtp import frame_bytes
+from amoeboid.output.frames import collection
 from amoeboid.surface.cell import SurfaceCell
 
 LIST = "frames.pvd"

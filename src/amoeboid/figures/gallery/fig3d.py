@@ -14,9 +14,10 @@ from amoeboid.figures.page import Scene, page
 from amoeboid.figures.results import Results
 from amoeboid.figures.style import COLUMN
 from amoeboid.figures.tables import FigureData, Table, column_of, label
+from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
-from amoeboid.output.frames import frame_arrays, frame_bytes
+from amoeboid.output.frames import frame_arrays
 from amoeboid.plotting.cell import MIN_FLOW
 from amoeboid.plotting.cell_process import spread_out
 from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK, ORANGE
