@@ -164,15 +164,7 @@ def many_steady_states(
     As the solver of `sweep` it takes many points at a time (`polarized_states`).
     """
     table = cells if isinstance(cells, Points) else _points_of(cells)
-    for name, value, low, high in (
-        ("modes", modes, 8, MAX_MODES), ("max_modes", max_modes, modes, MAX_MODES),
-        ("chunk", 1 if chunk is None else chunk, 1, 10**6),
-    ):  # fmt: skip
-        whole = isinstance(value, Integral) and not isinstance(value, bool)
-        if not (whole and low <= value <= high):
-            raise InvalidInput(
-                f"{name} must be a whole number >= {low} and <= {high}, got {value!r}"
-            )
+    checked_lengths(modes, max_modes, chunk)
     guess = None
     if start is not None:
         count = int(np.prod(table.shape))
@@ -185,6 +177,19 @@ def many_steady_states(
 
         found = solved(table, guess, modes, max_modes, chunk, told)
     return ManySteadyStates(table, found)
+
+
+def checked_lengths(modes: Any, max_modes: Any, chunk: Any = None) -> None:
+    """Raise InvalidInput for lengths of a series, or a number of cells, that cannot be."""
+    for name, value, low, high in (
+        ("modes", modes, 8, MAX_MODES), ("max_modes", max_modes, modes, MAX_MODES),
+        ("chunk", 1 if chunk is None else chunk, 1, 10**6),
+    ):  # fmt: skip
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if not (whole and low <= value <= high):
+            raise InvalidInput(
+                f"{name} must be a whole number >= {low} and <= {high}, got {value!r:.100}"
+            )
 
 
 def _points_of(cells: Sequence[Parameters]) -> Points:

@@ -166,11 +166,7 @@ def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -
     """
     from scipy.stats import qmc
 
-    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
-        raise InvalidInput(f"count must be a whole number >= 1, got {count!r}")
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InvalidInput(f"seed must be a whole number >= 0, got {seed!r}")
-    _check_count(int(count))
+    checked_drawing(count, seed)
     start = _base(base, vary)
     ranges = {name: _range(start, name, given) for name, given in vary.items()}
     powers = math.ceil(math.log2(count)) if count > 1 else 0
@@ -183,6 +179,15 @@ def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -
             values = low + (high - low) * drawn[:, k]
         columns[name] = tuple(values.tolist())
     return Points(start, columns, (POINT,), (int(count),), seed=int(seed))
+
+
+def checked_drawing(count: Any, seed: Any) -> None:
+    """Raise InvalidInput for a number of random points, or a seed, that cannot be."""
+    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
+        raise InvalidInput(f"count must be a whole number >= 1, got {count!r:.100}")
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+        raise InvalidInput(f"seed must be a whole number >= 0, got {seed!r:.100}")
+    _check_count(int(count))
 
 
 def listed(cells: Iterable[Any]) -> Points:
@@ -273,8 +278,10 @@ def axis(base: Base, name: str, values: Any) -> tuple[Any, ...]:
 
 def _value(base: Base, name: str, given: Any) -> Any:
     section, _ = _place(name)
-    if name in RELATIONS or isinstance(given, tuple | list):
-        return tuple(given) if isinstance(given, list) else given
+    if name in RELATIONS:
+        return given
+    if section != "parameters" and isinstance(given, tuple | list):
+        return tuple(given)
     if section != "parameters" and (isinstance(given, str | bool) or given is None):
         return given
     if isinstance(given, bool):
@@ -341,8 +348,11 @@ def _base(base: Any, vary: Mapping[str, Any]) -> Base:
         raise InvalidInput("a sweep must vary something: give a name with values, as D=[0.1, 0.2]")
     for name in vary:
         section, key = _place(name)
-        if section == "parameters" and not name.partition(".")[1]:
+        kind, dot, own = name.partition(".")
+        if section == "parameters" and not dot:
             refuse_unknown([name], (*DIMENSIONS, *RELATIONS), "parameter")
+        if section == "parameters" and dot and kind not in vary:
+            getattr(parameters_of(start), kind).refuse_unknown_own({own: 0.0})
         if section != "parameters":
             refuse_unknown([section], SECTIONS, "section")
             refuse_unknown([key], SECTIONS[section], f"field of [{section}]")
