@@ -218,20 +218,22 @@ NUMBERS = ("delta_P", "D", "v_p0", "beta", "alpha", "eta_s", "eta_b", "c0", "R0"
 INTRODUCTION = """\
 # The 3D shell against the axisymmetric solver
 
-Written by `python benchmarks/comparison.py`, which makes both sides afresh (six minutes on one
-core): the steady state of the axisymmetric spectral solver, which shares no discretization with the
-shell, and the steady state that a 3D run at the default tolerance comes to from
-c = c0 (1 + 0.7 cos θ) along the default axis (0.2 instead of 0.7 for the inverse law).
+This page compares steady states of the 3D solver with those of the axisymmetric spectral solver,
+which shares no discretization with it. `python benchmarks/comparison.py` writes the page and
+computes both sides again (six minutes on one core). The 3D state is the end of a run at the default
+tolerance from c = c0 (1 + 0.7 cos θ) along the default axis (0.2 instead of 0.7 for the inverse
+law).
 
-Twenty points: the two laws of the paper and one of our own, with and without elasticity and
-turnover, pressures from 3 to 300, several viscosities and radii, from 2 % above the threshold to
-far above it, and below it on the upper branch. At every point the axisymmetric state is stable
-against all perturbations with m = 0, 1, 2, 3: the script checks it and stops otherwise. c_r = 1
-everywhere. All values are in the paper's simulation units: lengths in R0 where R0 = 1, times in
-1/beta, concentrations in c_r, viscosities in eta_s. Deformation: largest deviation of the distance
-from the center of volume from R0, over R0. v_0 is max_retrograde_speed. The definitions are those
-of [notation](notation.md#observables). Points with delta_P = 11 have the pressure of the cells of
-the paper's parameter table in units of eta_s beta/R0, but not their D and c0.
+The twenty points cover
+
+- the two laws of the paper and another one, with and without elasticity and turnover,
+- pressures from 3 to 300, several viscosities and radii,
+- cells from 2 % above the threshold to far above it, and below it on the upper branch.
+
+At every point the axisymmetric state is stable to all perturbations with m = 0, 1, 2, 3; the script
+verifies this. All values are in the paper's simulation units, with c_r = 1. v_0 is
+max_retrograde_speed; [notation](notation.md#observables) defines all observables. Points with
+delta_P = 11 have the pressure of the cells of the paper's table, but not their D and c0.
 """
 
 DEFORMATION = """\
@@ -244,8 +246,8 @@ REMARKS = """
   with m = 1, 2 or 3, so that a 3D run must leave them. `amoeboid steady` says which are stable.
 - *Empty fronts.* Without turnover the front can be nearly empty. The error of a concentration much
   smaller than c0 is that of the field around it, and is given relative to c0/10.
-- *Strong starts with the inverse law.* From 0.7 c0 the front empties before the flow has settled,
-  and the run stops and says so.
+- *Strong starts with the inverse law.* From 0.7 c0 the front empties before the flow is
+  steady, and the run stops with this message.
 - *Close to the threshold* (points 2, 3, 18) relative errors are larger: the mesh shifts the
   threshold, and the amplitude goes like the square root of the distance to it.
 - *Other axes.* Nothing but the mesh holds the axis of a polarized cell. Off the axes of symmetry of

@@ -62,6 +62,7 @@ python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 70
 default_role = "name"
 add_module_names = False
+toc_object_entries_show_parents = "hide"
 
 # scripts of ../examples
 sphinx_gallery_conf = {

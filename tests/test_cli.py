@@ -24,6 +24,7 @@ from amoeboid.simulation import writers
 from amoeboid.simulation.loop import start
 from amoeboid.surface.stability import Growth
 from amoeboid.surface.steadiness import Rest
+from command import SHORT
 
 pytestmark = pytest.mark.usefixtures("without_pictures")
 
@@ -135,10 +136,10 @@ def test_the_automatic_step_follows_the_scheme_that_a_run_goes_on_with(
 @pytest.mark.parametrize(
     ("setting", "says"),
     [
-        ("D=1", "[parameters] as it was, D = 0.4, got 1.0"),
-        ("law=inverse", "[parameters] as it was, law = exponential, got inverse"),
-        ("mesh.subdivisions=2", "[mesh] as it was, subdivisions = 1, got 2"),
-        ("initial.seed=4", "[initial] as it was, seed = 0, got 4"),
+        ("D=1", "[parameters] unchanged, D = 0.4, got 1.0"),
+        ("law=inverse", "[parameters] unchanged, law = exponential, got inverse"),
+        ("mesh.subdivisions=2", "[mesh] unchanged, subdivisions = 1, got 2"),
+        ("initial.seed=4", "[initial] unchanged, seed = 0, got 4"),
     ],
 )
 def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
@@ -307,6 +308,19 @@ def test_help_is_quick_because_it_imports_little(command):
     assert "usage: amoeboid" in done.stdout
 
 
+def test_a_run_imports_neither_scipy_nor_other_commands(tmp_path):
+    """They take longer to import than a quarter of the default run."""
+    code = (
+        "import sys\nfrom amoeboid.cli.main import main\n"
+        f"assert main({['run', *SHORT, '-o', str(tmp_path / 'run')]!r}) == 0\n"
+        "heavy = 'scipy.sparse scipy.linalg scipy.special asyncio amoeboid.cli.fit'.split()\n"
+        "loaded = [name for name in heavy if name in sys.modules]\n"
+        "assert not loaded, loaded\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys):
     folder = tmp_path / "run"
     bad = ["law=inverse", "D=1e-4", "v_p0=30", "initial.perturbation=2.9", "mesh.subdivisions=1"]
@@ -403,7 +417,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         ),
         (
             Rest(0.0, Growth(0.004, 0.001)),
-            "steady but unstable: a perturbation grows, slowly, at 0.004 +- 0.001 per",
+            "steady but unstable: a perturbation grows slowly, at 0.004 +- 0.001 per",
         ),
         (
             Rest(0.0, Growth(0.2, 0.01)),
@@ -416,7 +430,7 @@ def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
         (
             Rest(0.0, Growth(-0.2, 0.5)),
             "steady, but its stability is unknown: the growth rate of the fastest perturbation, "
-            "-0.2 per unit time, is only known to 0.5",
+            "-0.2 per unit time, is known only to +- 0.5",
         ),
         (
             Rest(-200.0, Growth(0.2, 0.01)),

@@ -59,7 +59,14 @@ def test_a_cell_that_cannot_be_drawn_costs_the_picture_alone(
 
 def test_pictures_need_neither_a_screen_nor_a_graphics_library(tmp_path):
     """What draws the cell imports numpy and Pillow alone, which is also why it is quick."""
-    code = "import sys\nimport amoeboid.plotting.cell_process\nprint(*sys.modules)"
+    code = """
+import sys
+import numpy as np
+import amoeboid.plotting.cell_process
+from amoeboid.plotting.canvas import Canvas
+Canvas(8, 8, np.eye(3), np.zeros(3), 1.0).image()
+print(*sys.modules)
+"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     packages = {name.partition(".")[0] for name in done.stdout.split()}
     assert {"numpy", "PIL"} <= packages

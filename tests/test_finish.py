@@ -104,9 +104,7 @@ def test_a_resumed_run_solves_where_the_uninterrupted_one_does(tmp_path):
 
 
 def test_no_steady_cell_is_solved_for_under_a_cue():
-    with pytest.raises(
-        am.InvalidInput, match=r'time\.finish must be "wait" for a cell under a cue'
-    ):
+    with pytest.raises(am.InvalidInput, match=r'time\.finish must be "wait" under a cue'):
         am.simulate(
             STIFF,
             mesh=am.Icosphere(1),

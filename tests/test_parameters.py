@@ -62,7 +62,7 @@ def test_zero_is_refused_only_where_the_model_breaks(name):
 def test_unknown_names_are_refused_with_a_suggestion():
     with pytest.raises(InvalidInput, match="did you mean eta_s"):
         parameters_from({"eta_S": 1.0})
-    with pytest.raises(InvalidInput, match="'viscosity' is no parameter"):
+    with pytest.raises(InvalidInput, match="unknown parameter 'viscosity'"):
         Parameters().replace(viscosity=1.0)
 
 

@@ -76,5 +76,5 @@ def test_a_poke_leaves_fewer_filaments_where_it_is():
 def test_an_axisymmetric_cell_refuses_pokes():
     from amoeboid.axisymmetric.steady import homogeneous, steady_state
 
-    with pytest.raises(am.InvalidInput, match="no pokes"):
+    with pytest.raises(am.InvalidInput, match="without pokes"):
         steady_state(P, homogeneous(P), am.Cue(pokes=[(0.0, 1.0, 0.0, 0.0, 1.0, 0.5)]))

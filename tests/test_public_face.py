@@ -77,7 +77,7 @@ def test_an_event_without_its_brackets_is_named():
 
 
 def test_plots_take_axes_alone():
-    with pytest.raises(am.InvalidInput, match="ax must be axes of matplotlib"):
+    with pytest.raises(am.InvalidInput, match="ax must be Axes of matplotlib"):
         am.simulate(mesh=am.Icosphere(1), until=am.time(0.01)).plot("c_rear")
 
 

@@ -63,11 +63,11 @@ def test_observables_of_a_script_are_columns_of_a_run_and_of_tables(script, monk
         ("mine.py:", "SCRIPT.py:NAME"),
         ("mine.txt:rms_c", "SCRIPT.py:NAME"),
         ("mine.py:__import__('os')", "SCRIPT.py:NAME"),
-        ("other.py:rms_c", "is no file"),
+        ("other.py:rms_c", "is not a file"),
         ("mine.py:rms_v", "must register the observable 'rms_v'"),
         ("broken.py:a", "raises ZeroDivisionError: division by zero"),
         ("wrong.py:a", "raises SyntaxError"),
-        ("rms_v", "is no observable"),
+        ("rms_v", "unknown observable"),
     ],
 )
 def test_what_is_no_observable_of_a_script_is_refused_in_one_line(script, words, says, capsys):

@@ -474,7 +474,7 @@ def test_a_cell_whose_front_is_empty_ends_steady():
     assert steps[-1].ended == "steady"
     assert steps[-1].state.c.min() < 1e-8
     assert steps[-1].stability == "unknown"
-    assert "is only known to" in steps[-1].stability_problem
+    assert "is known only to" in steps[-1].stability_problem
 
 
 def test_a_fast_unstable_cell_is_not_steady():

@@ -20,7 +20,7 @@ def mathml(node: nodes.Element, display: bool) -> str:
         text = rf"\begin{{aligned}}{text}\end{{aligned}}"
     try:
         return str(latex2mathml.tex2mathml(text, as_block=display))
-    except MathError as error:
+    except (MathError, AttributeError) as error:  # the latter where a line break ends no line
         raise ExtensionError(f"no MathML for the formula {node.astext()!r}: {error}") from error
 
 

@@ -6,7 +6,10 @@ a formula or code, shown as it stands.
 
 from __future__ import annotations
 
+import ast
 import re
+import textwrap
+from itertools import takewhile
 from typing import Any
 
 from sphinx.application import Sphinx
@@ -23,6 +26,16 @@ def escaped(line: str) -> str:
     return "".join(parts)
 
 
+def language(lines: list[str]) -> str:
+    """Of the indented block that lines begin with: Python, or the text of a formula."""
+    block = takewhile(lambda line: not line.strip() or line.startswith("  "), lines)
+    try:
+        ast.parse(textwrap.dedent("\n".join(block)))
+    except SyntaxError:
+        return "text"
+    return "python"
+
+
 def restructured(lines: list[str]) -> list[str]:
     """The docstring as reST."""
     found: list[str] = []
@@ -35,7 +48,7 @@ def restructured(lines: list[str]) -> list[str]:
             literal = False
             listed = bool(BULLET.match(line)) or (listed and not starts)
         if indented and starts and not listed and not literal:
-            found += ["::", ""]
+            found += [f".. code-block:: {language(lines[k:])}", ""]
             literal = True
         verbatim = blank or literal or line.lstrip().startswith((">>>", "...", ".."))
         found.append(line if verbatim else escaped(line))

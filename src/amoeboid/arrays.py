@@ -1,4 +1,4 @@
-"""Types of arrays: C order, float64 unless a docstring says otherwise."""
+"""Types of arrays: C order, float64 unless a docstring says otherwise; vector products."""
 
 from __future__ import annotations
 
@@ -12,3 +12,13 @@ Array = NDArray[Any]
 
 Index = NDArray[np.int64]
 """Numbers of nodes, faces, rows."""
+
+
+def cross(a: Array, b: Array) -> Array:
+    """Vector products (..., 3) of vectors (..., 3), of one shape or one each.
+
+    Those of NumPy, which take ten times as long for a few vectors as the products.
+    """
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)

@@ -46,7 +46,7 @@ def holds(text: str, cell: Cell, t: float) -> bool:
         return bool(_value(_tree(text), cell, t))
     except ArithmeticError as error:
         raise InvalidInput(
-            f"the condition {text!r} must be defined at t = {t:g}: {error}"
+            f"the condition {text!r} must have a value at t = {t:g}: {error}"
         ) from None
 
 
@@ -84,11 +84,11 @@ def _why_not(node: ast.expr, truth: bool) -> str:
         parts = [(node.operand, False)]
     elif isinstance(node, ast.Constant):
         number = isinstance(node.value, int | float) and not isinstance(node.value, bool)
-        return "" if number else f"{node.value!r} is no number"
+        return "" if number else f"{node.value!r} is not a number"
     elif isinstance(node, ast.Name):
         return _unknown(node.id)
     else:
-        return f"{ast.unparse(node)!r} has no meaning in it"
+        return f"{ast.unparse(node)!r} is not allowed"
     return next((why for part, as_truth in parts if (why := _why_not(part, as_truth))), "")
 
 
@@ -96,7 +96,7 @@ def _unknown(name: str) -> str:
     known = [n for n, observable in _observables().items() if not observable.vector]
     if name == "t" or name in known or name in DIMENSIONS:
         return ""
-    return f"{name!r} is neither t nor a parameter nor one of {', '.join(known)}"
+    return f"{name!r} is not t, a parameter or one of {', '.join(known)}"
 
 
 def _observables() -> Observables:
@@ -124,7 +124,7 @@ def _value(node: Any, cell: Cell, t: float) -> Any:
         left, right = _value(node.left, cell, t), _value(node.right, cell, t)
         found = _OPERATORS[type(node.op)](left, right)
         if isinstance(found, complex):
-            raise ArithmeticError(f"{ast.unparse(node)} is no real number")
+            raise ArithmeticError(f"{ast.unparse(node)} is not a real number")
         return found
     numbers = [_value(part, cell, t) for part in (node.left, *node.comparators)]
     pairs = zip(node.ops, numbers[:-1], numbers[1:], strict=True)

@@ -67,7 +67,7 @@ class Mesh:
     """Section [mesh]."""
 
     subdivisions: int = integer(
-        3, "icosahedron subdivisions: 10 * 4**n + 2 nodes, 3 gives 642", ge=1, le=6
+        3, "subdivisions n of the icosahedron: 10 * 4**n + 2 nodes (3: 642)", ge=1, le=6
     )
 
     def __post_init__(self) -> None:
@@ -86,35 +86,37 @@ class Initial:
     __repr__ = short_repr
 
     perturbation: float = automatic(
-        "amplitude of the initial polarization, c0 (c0/5 if the law needs c > 0), 0 with "
-        "from_frame",
+        "amplitude of the initial polarization; automatic: c0, c0/5 if the law needs c > 0, 0 "
+        "with from_frame",
         "N/L^2",
     )
-    direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "its axis, towards the rear")
+    direction: tuple[float, float, float] = vector(
+        (0.0, 0.0, 1.0), "axis of the initial polarization, towards the rear"
+    )
     harmonics: tuple[tuple[int, int, float], ...] = harmonics(
         "real spherical harmonics added to c, polar axis z; [1, 0, a] is a cos(theta)"
     )
     noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
-    seed: int = integer(0, "seed of that noise", ge=0, le=2**63 - 1)
+    seed: int = integer(0, "seed of initial.noise", ge=0, le=2**63 - 1)
     surface: str | None = file("closed triangulated surface to start from: stl, ply, obj, vtp")
     repair: bool = flag(
         False,
-        "mend that surface: join and turn triangles, remesh one out of order to about the nodes of "
-        "mesh.subdivisions",
+        "repair initial.surface: join and reorient triangles, and remesh a poor mesh to about "
+        "the number of nodes of mesh.subdivisions",
     )
-    from_frame: str | None = file("frame (.vtp) of another run to start from")
+    from_frame: str | None = file("frame (.vtp) of another run from which to start")
 
     def __post_init__(self) -> None:
         validate(self, "initial")
         if self.surface is not None and self.from_frame is not None:
             raise InvalidInput(
-                "a run must have one initial shape, got initial.surface = "
-                f"{self.surface!r} and initial.from_frame = {self.from_frame!r}; leave one out"
+                f"a run must have only one initial shape, got initial.surface = {self.surface!r} "
+                f"and initial.from_frame = {self.from_frame!r}; leave one out"
             )
         if self.repair and self.surface is None:
             raise InvalidInput(
-                "initial.repair must be false where there is no initial.surface, got true; give a "
-                "surface or leave it out"
+                "initial.repair must be false without initial.surface, got true; give a surface "
+                "or leave it out"
             )
 
 
@@ -125,25 +127,29 @@ class Time:
     __repr__ = short_repr
 
     end: float = automatic(
-        "simulated time at which the run ends, 200/rate (after the last change)", "T", gt=0
+        "time at which the run ends; automatic: 200/rate after the last change of a parameter",
+        "T",
+        gt=0,
     )
     scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
-    tolerance: float = number(1e-3, "error allowed in one step, relative to c0 and R0", gt=0)
+    tolerance: float = number(1e-3, "error tolerated in one step, relative to c0 and R0", gt=0)
     max_step: float = automatic(
-        "longest step, 0.5/rate; if explicit the step, 1e-5/rate, with shot noise 0.05/rate",
+        "longest time step; automatic: 0.5/rate, with shot noise 0.05/rate; explicit: the step "
+        "itself, 1e-5/rate",
         "T",
         gt=0,
     )
     stop_when_steady: bool = flag(
-        True, "end the run once it is steady: nothing changes, and no perturbation grows"
+        True, "end the run once the cell is steady: it does not change, and no perturbation grows"
     )
     finish: str = choice(
         "wait",
-        "how a run becomes steady: it waits for it, or solves for the steady cell once it is near",
+        "how a run reaches the steady cell: wait for it, or solve for it by Newton's method "
+        "once it is near",
         FINISHES,
     )
     until: tuple[str, ...] = texts(
-        "conditions that end the run too, such as 'polarity > 0.5'", condition
+        "further conditions that end the run, such as 'polarity > 0.5'", condition
     )
 
     def __post_init__(self) -> None:
@@ -157,12 +163,12 @@ class Output:
     __repr__ = short_repr
 
     interval: float = automatic(
-        "simulated time between two frames, 0.5/rate; frames are at its multiples and at the end",
+        "time between two frames; automatic: 0.5/rate; frames are at its multiples and at the end",
         "T",
         gt=0,
     )
     times: tuple[float, ...] = numbers(
-        "times of the frames, in their order, instead of the interval", "T"
+        "times of the frames in ascending order, instead of the interval", "T"
     )
 
     def __post_init__(self) -> None:
@@ -180,7 +186,7 @@ class Noise:
     __repr__ = short_repr
 
     filaments: float = number(
-        0.0, "shot noise: filaments of the homogeneous cell, 4 pi R0^2 c0; 0: no noise", ge=0
+        0.0, "shot noise: filament number of the homogeneous cell, 4 pi R0^2 c0; 0: no noise", ge=0
     )
     seed: int = integer(0, "seed of the shot noise", ge=0, le=2**63 - 1)
 
@@ -199,8 +205,8 @@ class Noise:
         p = parameters
         if p.units is None:
             raise InvalidInput(
-                "the filaments of a cell can be counted where its parameters have units, these "
-                "have none; start from Parameters.physical, or give Noise(filaments=...)"
+                "counting the filaments of a cell needs parameters with units, these have none; "
+                "start from Parameters.physical, or give Noise(filaments=...)"
             )
         return cls(filaments=4.0 * math.pi * p.R0**2 * p.c0 * p.units.of("N"), seed=seed)
 
@@ -243,8 +249,8 @@ class Config:
             object.__setattr__(self, "environment", environment(self.environment))
         if not isinstance(self.environment, Environment):
             raise InvalidInput(
-                "environment must be one such as amoeboid.Fluid() or a text such as 'patch:30', "
-                f"got {self.environment!r}"
+                "environment must be an environment such as amoeboid.Fluid() or a text such as "
+                f"'patch:30', got {self.environment!r}"
             )
         checked_noise(self.noise)
         if self.cue is None:
@@ -323,17 +329,17 @@ def _check_noise(config: Config) -> None:
     if config.time.scheme == "explicit":
         raise InvalidInput(
             'time.scheme must be "semi-implicit" with shot noise (noise.filaments > 0), got '
-            '"explicit"; leave it out'
+            '"explicit"; omit it'
         )
     if config.time.finish == "solve":
         raise InvalidInput(
-            'time.finish must be "wait" with shot noise (noise.filaments > 0), which leaves no '
-            'steady cell to solve for, got "solve"; leave it out'
+            'time.finish must be "wait" with shot noise (noise.filaments > 0), because the '
+            'cell never becomes steady, got "solve"; omit it'
         )
     if not config.parameters.c0 > 0.0:
         raise InvalidInput(
-            "c0 must be > 0 with shot noise, where noise.filaments counts those of the "
-            f"homogeneous cell, got {config.parameters.c0:g}; raise it"
+            "c0 must be > 0 with shot noise, because noise.filaments is the filament number of "
+            f"the homogeneous cell, got {config.parameters.c0:g}; raise it"
         )
 
 
@@ -383,11 +389,12 @@ def _inside(name: str, folder: Path, path: str) -> Path:
             folder.resolve()
         )
     except (OSError, RuntimeError) as error:  # a loop of symbolic links
-        raise InvalidInput(f"{name} must lead to a file, {path!r} does not: {error}") from None
+        raise InvalidInput(f"{name} must be the path of a file, got {path!r}: {error}") from None
     if not is_inside:
         raise InvalidInput(
-            f"{name} in a configuration file must lead to a file in the folder of that file or "
-            f"below, got {path!r}; copy the file there, or give its path with --set {name}=PATH"
+            f"{name} in a configuration file must be a file in the folder of that configuration "
+            f"or below it, got {path!r}; copy the file there, or give its path with --set "
+            f"{name}=PATH"
         )
     return folder / path
 
@@ -400,7 +407,7 @@ def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
         if section not in ("parameters", "changes"):  # which know their names themselves
-            refuse_unknown(values, SECTIONS[section], f"field of [{section}]")
+            refuse_unknown(values, SECTIONS[section], "field", f"in [{section}]")
         sections[section] = _changed(getattr(base, section), section, values)
     return replace(base, **sections)
 
@@ -414,7 +421,7 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
         return _medium(values.get(MEDIUM))
     if section == "cue" and not isinstance(before, Cue):
         raise InvalidInput(
-            f"[cue] must be a Cue to be changed by name, got {type(before).__name__}; leave it out"
+            f"[cue] changes the fields of a Cue, got {type(before).__name__}; leave it out"
         )
     return replace(before, **values)
 

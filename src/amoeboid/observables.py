@@ -139,11 +139,11 @@ class Observable:
             found = np.asarray(self.function(cell), dtype=float)
         except Exception as error:  # a user's function may raise anything
             raise InvalidInput(
-                f"the observable {name!r} must give {wanted}, it raised "
-                f"{type(error).__name__}: {error}"
+                f"the observable {name!r} must return {wanted}; it raised {type(error).__name__}: "
+                f"{error}"
             ) from error
         if found.size != count or not np.isfinite(found).all():
-            raise InvalidInput(f"the observable {name!r} must give {wanted}, got {found}")
+            raise InvalidInput(f"the observable {name!r} must return {wanted}, got {found}")
         return [float(value) for value in found.ravel()]
 
     def value(self, name: str, cell: Cell) -> Any:
@@ -209,7 +209,7 @@ class Measured:
             raise AttributeError(f"{type(self).__name__} has no attribute or observable {name!r}")
         cell = self.cell
         if known.on_meshes and not hasattr(cell, "faces"):
-            raise AttributeError(f"{name!r} is an observable of triangulated surfaces alone")
+            raise AttributeError(f"{name!r} is an observable of triangulated surfaces only")
         return known.value(name, cell)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -244,8 +244,8 @@ def selected(names: Iterable[str] | None = None) -> Mapping[str, Observable]:
     for name in wanted:
         if name not in OBSERVABLES:
             raise InvalidInput(
-                f"{name!r} is no observable; allowed: {', '.join(OBSERVABLES)}; register your own "
-                "with @amoeboid.observable(dimension)"
+                f"unknown observable {name!r}; allowed: {', '.join(OBSERVABLES)}; register your "
+                "own with @amoeboid.observable(dimension)"
             )
     return {name: known for name, known in OBSERVABLES.items() if name in wanted}
 
@@ -255,6 +255,11 @@ def observed(cell: Cell, names: Iterable[str] | None = None) -> dict[str, float]
 
     Those that need a mesh are left out for a cell without one. Raises InvalidInput, naming it, for
     an observable that fails or is no finite number.
+
+    >>> import amoeboid as am
+    >>> state = am.steady_states(am.Parameters(D=0.4, v_p0=6.0)).fastest_stable
+    >>> {k: round(v, 3) for k, v in am.observed(state.solution.cell, ["c_front", "c_rear"]).items()}
+    {'c_front': 0.775, 'c_rear': 13.138}
     """
     found: dict[str, float] = {}
     for name, known in selected(names).items():

@@ -113,10 +113,11 @@ def validate(instance: Any, section: str = "") -> None:
             object.__setattr__(instance, f.name, checked)
 
 
-def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> None:
-    """Raise InvalidInput for the first name that is not known, with the nearest one that is.
+def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str, where: str = "") -> None:
+    """Raise InvalidInput for the first name that is not known, with the nearest known one.
 
-    That is one which differs in the case of letters alone, or else the most similar.
+    The nearest is one that differs only in the case of letters, or else the most similar one.
+    `where` follows the name in the message: "of the law 'inverse'".
     """
     known = list(known)
     for name in names:
@@ -124,7 +125,9 @@ def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str) -> Non
             same = [one for one in known if one.lower() == name.lower()]
             close = same or get_close_matches(name, known, n=1)
             hint = f"; did you mean {close[0]}?" if close else ""
-            raise InvalidInput(f"{name!r} is no {noun}; allowed: {', '.join(known)}{hint}")
+            place = f" {where}" if where else ""
+            allowed = ", ".join(known)
+            raise InvalidInput(f"unknown {noun} {name!r}{place}; allowed: {allowed}{hint}")
 
 
 def is_text(value: str) -> bool:

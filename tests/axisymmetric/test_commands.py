@@ -125,8 +125,8 @@ def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
     [
         (("steady", "--set", "D=-1"), "D must be"),
         (("steady", "--set", "time.end=50"), "'time.end=50'"),
-        (("branch", "--to", "8", "--set", "mesh.subdivisions=2"), "parameters alone"),
-        (("phase-diagram", "--set", "output.interval=1"), "parameters alone"),
+        (("branch", "--to", "8", "--set", "mesh.subdivisions=2"), "only parameters"),
+        (("phase-diagram", "--set", "output.interval=1"), "only parameters"),
         (("theory", "--set", "initial.seed=1"), "leave it out"),
         (("steady", "--set", "time.nonsense=1"), "nonsense"),
         (("steady", "--set", "law=nonsense"), "law must be one of"),

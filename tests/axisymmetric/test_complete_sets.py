@@ -199,7 +199,7 @@ def test_a_branch_that_ends_on_symmetrical_states_says_so():
     branch = branch_from_state(start, "delta_P", (0.9, 2.0), -1.0)
     assert branch.complete
     # the place does not depend on the length of steps (0.01 to 0.1)
-    assert "1.04094, where it meets states that are symmetrical" in branch.message
+    assert "1.04094, where it reaches states that are symmetric" in branch.message
     last = branch.points[-1].state
     assert last.c_rear - last.c_front < 0.2 * (start.c_rear - start.c_front)
 

@@ -217,7 +217,7 @@ def test_a_line_of_folds_that_stops_says_why(diagram, monkeypatch):
     )
     lost = diagram_of_columns(Parameters(), "D", diagram.values, diagram.speeds, columns)
     assert lost.fold_line == ()
-    assert "was not found again" in lost.problems[0]
+    assert "could not be located" in lost.problems[0]
 
 
 @pytest.mark.parametrize(

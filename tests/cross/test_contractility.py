@@ -95,15 +95,17 @@ def test_myosin_alone_polarizes_from_the_chi_that_balances_diffusion_and_turnove
 def test_a_cell_that_myosin_polarizes_alone_has_no_threshold():
     p = contractile(0.71)
     found = thresholds(p)
-    assert found.reason == "the isotropic stress alone polarizes the cell, at any v_p0"
-    with pytest.raises(InvalidInput, match="no threshold: the isotropic stress alone polarizes"):
+    assert found.reason == "the isotropic stress by itself polarizes the cell at every v_p0"
+    with pytest.raises(
+        InvalidInput, match="no threshold: the isotropic stress by itself polarizes"
+    ):
         critical_speed(points(p, D=[0.1, 0.01]))
     assert first_mode(p).v_p0 == 0
     assert first_mode(p).l == mode_onsets(p)[1] + 1 == 1
     assert onset_speeds(p) == ()
     told = summary(p)
     assert told.max_retrograde_speed is None
-    assert any("the isotropic stress alone polarizes" in note for note in told.notes)
+    assert any("the isotropic stress by itself polarizes" in note for note in told.notes)
 
 
 def test_polymerization_that_grows_with_c_stabilizes_what_myosin_polarizes():

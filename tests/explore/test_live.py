@@ -185,7 +185,7 @@ def test_values_with_other_units_of_the_cell_are_converted():
     [
         ("simulation", {"D": "-1"}, "D", "finite number >= 0"),
         ("simulation", {"D": 0.4, "v_p0": "fast"}, "v_p0", "must be a number"),
-        ("simulation", {"Q": 1}, "Q", "is no parameter"),
+        ("simulation", {"Q": 1}, "Q", "unknown parameter"),
         ("physical", {"D": "3 kg"}, "D", "dimension"),
         ("physical", {"beta": 0.2, "eta_s": "nan"}, "eta_s", "eta_s"),
         ("simulation", {"law": "__import__('os')"}, "law", "law"),

@@ -335,7 +335,7 @@ def test_a_file_is_no_folder_for_an_export(plain, tmp_path):
     path = tmp_path / "mine"
     path.write_bytes(b"mine")
     for below in (path, path / "deeper"):
-        with pytest.raises(am.InvalidInput, match=r"must be in a folder, '.*mine' is a file"):
+        with pytest.raises(am.InvalidInput, match=r"must lie in a folder, '.*mine' is a file"):
             plain.export(below, "stl", frames=0)
     assert path.read_bytes() == b"mine"
 
@@ -398,21 +398,21 @@ def test_what_chooses_no_frame_is_refused(given):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["--to", "avi"], "'avi' is no format"),
-        ([], "the ending of the path must name it"),
-        (["-o", "a.png"], "the ending of the path must name it"),
-        (["--to", "vtp", "--fps", "3"], "fps must be left out for vtp"),
-        (["--to", "csv", "--follow"], "follow must be left out for csv"),
+        (["--to", "avi"], "unknown export format 'avi'"),
+        ([], "follow from the extension of the path"),
+        (["-o", "a.png"], "follow from the extension of the path"),
+        (["--to", "vtp", "--fps", "3"], "fps has no effect on vtp"),
+        (["--to", "csv", "--follow"], "follow has no effect on csv"),
         (["--to", "gif", "--fps", "0"], "fps must be"),
-        (["--to", "gif", "--frames", "50:"], "chooses none of the"),
+        (["--to", "gif", "--frames", "50:"], "selects none of the"),
         (["--to", "gif", "--frames", "50"], "must be a number from 0 to"),
         (["-o", "out.vtp"], "choose one frame"),
-        (["--to", "csv", "--frames", "50:"], "chooses none of the"),
+        (["--to", "csv", "--frames", "50:"], "selects none of the"),
         (["--to", "stl", "--frames", "::0"], "a step that is not 0, got '::0'"),
-        (["--to", "stl", "--frames=-50"], "or from the end -3 to -1, got -50"),
+        (["--to", "stl", "--frames=-50"], "or -3 to -1 from the end, got -50"),
         (["-o", "a.gif", "--fps", "51"], "fps must be a number > 0 and <= 50 here"),
-        (["-o", "a.csv"], "(timeseries.csv, profiles.csv), and needs the path of a folder, got"),
-        (["--to", "stl", "-o", "a.ply"], "must end with .stl"),
+        (["-o", "a.csv"], "(timeseries.csv, profiles.csv) and needs the path of a folder, got"),
+        (["--to", "stl", "-o", "a.ply"], "must have the extension .stl"),
     ],
 )
 def test_wrong_exports_are_refused_in_one_line(words, says, runs, tmp_path, monkeypatch, capsys):
@@ -431,7 +431,7 @@ def test_a_missing_package_is_named_with_its_extra(plain, tmp_path, monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(am.InvalidInput, match=r"netcdf needs h5netcdf.*'amoeboid\[data\]'"):
         plain.export(tmp_path / "run.nc")
-    with pytest.raises(am.InvalidInput, match=r"mp4 needs ffmpeg.*'amoeboid\[movie\]'"):
+    with pytest.raises(am.InvalidInput, match=r"mp4 without ffmpeg needs.*'amoeboid\[movie\]'"):
         plain.export(tmp_path / "run.mp4")
     assert not list(tmp_path.iterdir())
 

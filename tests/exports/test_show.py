@@ -107,7 +107,7 @@ def test_a_summary_names_the_environment_of_the_path(tmp_path, capsys):
 
 def test_what_is_no_run_is_refused(tmp_path, folder, capsys):
     assert main(["show", str(tmp_path)]) == 2
-    assert "takes the folder of a run" in capsys.readouterr().err
+    assert "needs the folder of a run" in capsys.readouterr().err
     assert main(["show", str(folder / "x"), "--plot", "a.jpg"]) == 2
     assert "must be a file of type .png" in capsys.readouterr().err
 

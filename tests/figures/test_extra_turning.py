@@ -16,7 +16,7 @@ def test_the_onset_of_bending_is_that_of_the_axisymmetric_branch():
 def test_a_cell_that_does_not_bend_has_no_branches_and_says_so():
     data = figures.extra_turning.data(Parameters(D=0.4))
     assert len(data["branches"]) == len(data["points"]) == 0
-    assert "no straight cell bends" in data.problems[0]
+    assert "no straight cell becomes unstable to bending" in data.problems[0]
     with pytest.raises(InvalidInput, match="beta must be > 0"):
         figures.extra_turning.data(Parameters(beta=0.0))
 

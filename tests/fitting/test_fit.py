@@ -106,7 +106,7 @@ def test_a_change_of_units_is_named_as_such():
     (exact,) = found.undetermined
     assert exact.exact
     assert exact.powers == {"c0": 1.0, "c_r": 1.0}
-    assert exact.text.startswith("multiplying c0 by 2 and c_r by 2 changes no datum")
+    assert exact.text.startswith("multiplying c0 by 2 and c_r by 2 changes no predicted value")
     assert np.isinf(found.relative_errors["c0"])
     assert found.relative_errors["v_p0"] < 1
     assert np.isfinite(found.correlation).all()
@@ -249,16 +249,20 @@ def test_the_same_fit_has_the_same_bits():
 @pytest.mark.parametrize(
     ("free", "start", "message"),
     [
-        (["Dd"], P, "'Dd' is no parameter; allowed: .*; did you mean D?"),
+        (["Dd"], P, "unknown parameter 'Dd'; allowed: .*; did you mean D?"),
         ([], P, "free must name at least one parameter"),
         (["D", "D"], P, "free must name each parameter once"),
-        (["alpha"], P, "a free parameter must not start at 0, alpha does"),
+        (
+            ["alpha"],
+            P,
+            "a free parameter must not start at 0 because it is varied by a factor, alpha does",
+        ),
         (
             ["D"],
             P.replace(v_p0=2.0),
-            r"v_p0 = 2 has none \(threshold 6.02566\); start a little above",
+            r"v_p0 = 2 has none \(threshold 6.02566\); choose v_p0 slightly above",
         ),
-        (["D"], am.Parameters.physical(), "u must have a unit where the parameters have"),
+        (["D"], am.Parameters.physical(), "u must have a unit because the parameters have"),
         (["D"], 0.4, "p must be amoeboid.Parameters"),
         (NAMES, P, "data must hold at least 4 values for D, v_p0, c0, beta, got 3"),
     ],
@@ -277,7 +281,7 @@ def test_values_beyond_all_measure_are_refused():
 def test_a_flow_of_the_other_sign_is_told():
     data = am.synthetic(P, {"u": 0.04})
     data["u"] = -data["u"]
-    assert "u is negative on the average" in repr(am.fit(data, ["v_p0"], P, starts=1).problems)
+    assert "u is negative on average" in repr(am.fit(data, ["v_p0"], P, starts=1).problems)
 
 
 def test_a_parameter_of_a_law_is_found():
@@ -298,5 +302,5 @@ def test_progress_tells_values_in_the_units_of_the_user():
 
 
 def test_units_need_parameters_with_units():
-    with pytest.raises(am.InvalidInput, match="start must have units where the data have"):
+    with pytest.raises(am.InvalidInput, match="start must have units because the data have"):
         am.fit({"theta [deg]": [30, 90], "u [um/s]": [0.1, 0.2]}, ["D"], P)

@@ -51,9 +51,9 @@ def test_wrong_input_is_one_message_and_exit_code_2(plain, tmp_path, capsys):
         ([str(bad), "--free", "D"], "line 3, column 'u': must be a number, got 'much'"),
         ([str(tmp_path / "none.csv"), "--free", "D"], "No such file"),
         ([str(number), "--free", "D", "--plot", "a.png"], "--plot draws profiles"),
-        ([str(plain), "--free", "D,E"], "'E' is no parameter"),
+        ([str(plain), "--free", "D,E"], "unknown parameter 'E'"),
         ([str(plain), "--free", "D", "--bounds", "D=3"], "--bounds takes NAME=LOW:HIGH"),
-        ([str(plain), "--free", "D", "--bounds", "D=1:2"], "must lie on both sides of its start"),
+        ([str(plain), "--free", "D", "--bounds", "D=1:2"], "must enclose its start"),
         ([str(plain), "--free", "D", "--level", "95"], "--level must be a number between 0 and 1"),
         ([str(plain), "--free", "D", "--set", "v_p0=2"], "stable polarized steady state"),
     ):

@@ -70,10 +70,10 @@ def test_folder_of_a_run_and_surface_with_vectors(capsys, tmp_path):
     [
         (["--in", "fluid,,matrix"], "--in takes environments"),
         (["--in", "swamp"], "must be one of fluid"),
-        (["nowhere"], "there is no 'nowhere'"),
+        (["nowhere"], "'nowhere', which does not exist"),
         (["--flow", "u"], "--flow needs a surface"),
         (["x.vtp", "--set", "D=0.4"], "leave them out"),
-        (["--set", "time.end=3"], "takes parameters alone"),
+        (["--set", "time.end=3"], "takes only parameters"),
         (["--in", "fluid:1 mPa s"], "need a cell with units"),
     ],
 )

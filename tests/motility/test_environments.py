@@ -255,12 +255,12 @@ def test_units_of_a_physical_cell():
         ("patch:120", "half_angle must be > 0 and <= 90"),
         ("patch:0", "half_angle must be > 0"),
         ("fluid:1 mPa s", "quantities with units need a cell with units"),
-        ("matrix:0", "must drag somehow"),
-        ("fluid:coupled=2", "coupled must be a share"),
+        ("matrix:0", "must have some drag"),
+        ("fluid:coupled=2", "coupled must be a fraction"),
         ("channel:width=3", "channel takes"),
-        (am.Fluid, "with its brackets"),
+        (am.Fluid, "with parentheses"),
         (am.Fluid(-1.0), "must be >= 0"),
-        (am.Patch(30, axis=(0, 0, 1)), "across the polarity"),
+        (am.Patch(30, axis=(0, 0, 1)), "parallel to the polarity"),
     ],
 )
 def test_mistakes_are_rejected(figure_3d, environment, message):
@@ -274,7 +274,7 @@ def test_no_drag_at_all_is_rejected(figure_3d):
         def dissipation(self, surface):
             return np.zeros((9, 9))
 
-    with pytest.raises(am.InvalidInput, match="must resist a motion"):
+    with pytest.raises(am.InvalidInput, match="must resist the motion"):
         am.migrate(figure_3d, Nothing())
     with pytest.raises(am.InvalidInput, match="two or more"):
         am.Mixed(am.Fluid())

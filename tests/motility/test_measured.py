@@ -91,19 +91,19 @@ def test_mistakes_are_rejected(sphere):
         (dict(r=r[:, :2]), "r must be finite numbers"),
         (dict(flow=flow[:-1]), "a vector for each of the 162 nodes"),
         (dict(faces=faces[1:]), "must be closed"),
-        (dict(faces=faces[:, ::-1]), "must look outward"),
+        (dict(faces=faces[:, ::-1]), "must be oriented outward"),
         (dict(faces=faces + 0.5), "whole numbers"),
         (dict(c=np.zeros(162)), "not 0 everywhere"),
         (dict(front=(0, 0, 0)), "front must be three finite numbers"),
-        (dict(length="um"), "given both"),
+        (dict(length="um"), "given together"),
         (dict(flow=np.full_like(flow, np.nan)), "it is not at 162 of 162 nodes, the first is 0"),
-        (dict(flow=np.zeros((320, 3))), "take vectors of triangles to the nodes"),
+        (dict(flow=np.zeros((320, 3))), "average vectors on triangles"),
         (dict(faces=np.zeros((0, 3), dtype=int)), "must have triangles"),
         (dict(c=["a"] * 162), "c must be an array of numbers"),
         (dict(front="z"), "front must be an array of numbers"),
         (dict(length="um", time="m"), "time must have the dimension T"),
         (dict(length="foo", time="s"), "length must be a number with a unit"),
-        (dict(r=flat), "2 of them have none"),
+        (dict(r=flat), "2 of them have area 0"),
     ]
     for changes, message in bad:
         with pytest.raises(am.InvalidInput, match=message):
@@ -120,11 +120,11 @@ def test_mistakes_are_rejected(sphere):
     ):
         with pytest.raises(am.InvalidInput, match=message):
             am.migrate(cell, environment)
-    with pytest.raises(am.InvalidInput, match="must come with its flow"):
+    with pytest.raises(am.InvalidInput, match="needs its flow"):
         am.migrate(am.Surface(r, faces))
     with pytest.raises(am.InvalidInput, match="must be a steady state"):
         am.migrate(3.0)
-    with pytest.raises(am.InvalidInput, match="c and front must come with a flow"):
+    with pytest.raises(am.InvalidInput, match="c and front are used only with a flow"):
         am.migrate(cell, front=(0, 0, 1))
 
 

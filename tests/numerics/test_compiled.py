@@ -50,7 +50,7 @@ def test_kernels_compile_where_nothing_can_be_written():
     )
     done = program(code, NUMBA_CACHE_DIR=os.devnull)
     assert done.returncode == 0, done.stderr
-    assert done.stderr.count("compiled kernels cannot be kept in '") == 1
+    assert done.stderr.count("compiled kernels cannot be stored in '") == 1
     assert "set NUMBA_CACHE_DIR" in done.stderr
 
 
@@ -63,6 +63,20 @@ def test_kernels_are_kept_on_disk(folder):
     assert sum(again.stats.cache_hits.values()) == 1
 
 
+def test_a_kept_kernel_is_compiled_into_those_that_call_it(folder):
+    """Of a kept kernel its machine code is loaded; what others are compiled with lies beside it."""
+    called = compiled(double)
+    assert called(np.float64(3.0)) == 6.0
+    again = compiled(double)
+
+    def twice(x):
+        return again(again(x))
+
+    assert compiled(twice)(np.float64(3.0)) == 12.0
+    assert sum(again.stats.cache_hits.values()) == 1
+    assert not sum(again.stats.cache_misses.values())
+
+
 @pytest.mark.parametrize("content", [b"", b"\x80", "half", b"not a pickle", "one bit"], ids=str)
 def test_damaged_files_are_compiled_anew_and_replaced(content, folder):
     assert compiled(double)(np.float64(3.0)) == 6.0
@@ -72,7 +86,7 @@ def test_damaged_files_are_compiled_anew_and_replaced(content, folder):
     damaged.write_bytes(
         {"half": whole[: len(whole) // 2], "one bit": one_bit}.get(content, content)
     )
-    with pytest.warns(RuntimeWarning, match="cannot be read .*compiled anew") as told:
+    with pytest.warns(RuntimeWarning, match="cannot be read .*compiled again") as told:
         assert compiled(double)(np.float64(3.0)) == 6.0
     assert str(folder) in str(told[0].message)
     with warnings.catch_warnings():
@@ -88,7 +102,7 @@ def test_a_full_disk_is_reported_once_and_costs_time_only(folder, monkeypatch):
 
     monkeypatch.setattr(kept, "_write", full)
     kernel = compiled(double)
-    with pytest.warns(RuntimeWarning, match=r"cannot be kept .*No space left") as told:
+    with pytest.warns(RuntimeWarning, match=r"cannot be stored .*No space left") as told:
         assert [kernel(np.float64(3.0)), kernel(np.int64(3))] == [6.0, 6]
     assert len(told) == 1
     assert str(folder) in str(told[0].message)

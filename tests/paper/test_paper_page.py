@@ -34,7 +34,7 @@ NOTHING = ("picture", "none")  # what the paper gives where it prints no number
 
 
 def rows():
-    """The rows of the page in order: dicts of cells by the heads of their table, and `section`."""
+    """The rows of tables with a column `where`, in order: dicts by heads, and their `section`."""
     found, heads, section = [], None, ""
     for line in PAGE.splitlines():
         if line.startswith("## "):
@@ -43,7 +43,7 @@ def rows():
             heads = None
         elif heads is None:
             heads = cells(line)
-        elif not line.startswith("|---"):
+        elif not line.startswith("|---") and "where" in heads:
             found.append(dict(zip(heads, cells(line), strict=True), section=section))
     return found
 

@@ -124,7 +124,7 @@ def test_a_jump_of_the_growth_rate_is_a_bifurcation_that_the_mesh_blurs(offset, 
 def test_a_growth_rate_that_is_not_found_locates_nothing():
     cell = replace(straight().states[0])
     cell.__dict__["growth"] = lambda _: (Growth(None, problem="no step"), None)
-    with pytest.raises(NotSteady, match="at 1 is not found: no step"):
+    with pytest.raises(NotSteady, match="at 1 could not be determined: no step"):
         neutral_between(lambda q, _: cell, (1.0, cell), (2.0, cell), 1.0)
 
 

@@ -72,7 +72,7 @@ def test_command_runs_with_noise_and_keeps_it_when_it_resumes(tmp_path, capsys):
     assert main(["run", "-o", folder, *short, *noise]) == 0
     assert main(["run", "--resume", folder, "--set", "time.end=0.4"]) == 0
     assert main(["run", "--resume", folder, "--set", "noise.seed=4"]) == 2
-    assert "--resume keeps [noise] as it was, seed = 3, got 4" in capsys.readouterr().err
+    assert "--resume keeps [noise] unchanged, seed = 3, got 4" in capsys.readouterr().err
     assert am.load(folder).config.noise == NOISE
 
 
@@ -168,7 +168,7 @@ def test_persistence_of_too_few_headings_is_refused(whole):
     with pytest.raises(am.InvalidInput, match="lag must be > 0"):
         whole.persistence(lag=-1.0)
     other = run(POLAR.replace(D=0.3), end=0.1)
-    with pytest.raises(am.InvalidInput, match="must be of one cell"):
+    with pytest.raises(am.InvalidInput, match="must have the same parameters"):
         am.persistence([whole, other])
 
 

@@ -105,13 +105,13 @@ def test_a_damaged_frame_is_refused_with_one_line(made, tmp_path, change):
     _, folder = made
     path = tmp_path / "frame.vtp"
     path.write_bytes(change((folder / "frames" / "frame_00001.vtp").read_bytes()))
-    with pytest.raises(am.InvalidInput, match="must be one that a run has written") as problem:
+    with pytest.raises(am.InvalidInput, match="must be a frame that a run has written") as problem:
         read_frame(path, P)
     assert "\n" not in str(problem.value)
 
 
 def test_what_is_no_run_is_refused(made, tmp_path):
-    with pytest.raises(am.InvalidInput, match="load takes the folder of a run"):
+    with pytest.raises(am.InvalidInput, match="load needs the folder of a run"):
         am.load(tmp_path)
     _, folder = made
     copy = tmp_path / "copy"
@@ -161,7 +161,7 @@ def test_a_folder_that_lacks_files_shows_what_is_missing(made, tmp_path):
     assert "has no checkpoint.npz" in repr(run)
     assert "has no checkpoint.npz" in run._repr_html_()
     (folder / "timeseries.csv").unlink()
-    with pytest.raises(am.InvalidInput, match="must have a time series"):
+    with pytest.raises(am.InvalidInput, match="needs a time series"):
         am.load(folder).columns  # noqa: B018
 
 

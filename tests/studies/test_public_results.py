@@ -161,7 +161,7 @@ def test_observables_are_arrays_along_a_branch(branch):
     assert np.all(np.diff(branch.max_retrograde_speed[upper]) > 0)
     assert branch.v_p0[upper[0]] > branch.folds[0].value == pytest.approx(5.20959845, abs=1e-8)
     assert branch.thresholds == pytest.approx(critical_speed(BISTABLE))
-    with pytest.raises(AttributeError, match="does not change along it"):
+    with pytest.raises(AttributeError, match="is constant along it"):
         _ = branch.D
     with pytest.raises(AttributeError, match="no attribute 'speed'"):
         _ = branch.speed

@@ -113,7 +113,7 @@ def test_factor_that_is_no_number_for_each_node_is_refused(factor, words):
 
 def test_cue_that_no_file_can_hold_is_refused_by_a_folder(tmp_path):
     config = am.Config(cue=TwoSided(0.1))
-    with pytest.raises(am.InvalidInput, match="TwoSided is known to Python alone"):
+    with pytest.raises(am.InvalidInput, match="TwoSided, which exists only in Python"):
         new_run(tmp_path / "run", config)
     with pytest.raises(am.InvalidInput, match=r"object with factor\(directions, t\)"):
         am.start(am.Config(cue=3))

@@ -83,8 +83,8 @@ def test_a_path_that_is_no_file_is_rejected_by_name(tmp_path):
     os.mkfifo(tmp_path / "pipe.stl")
     for name, says in (
         ("missing.stl", "there is none"),
-        ("folder.stl", "no regular file"),
-        ("pipe.stl", "no regular file"),
+        ("folder.stl", "not a regular file"),
+        ("pipe.stl", "not a regular file"),
         ("cell.step", r"of type \.stl, \.ply, \.obj, \.vtp, got"),
         ("cell", "of type"),
         ("n" * 5000 + ".stl", "readable file"),
@@ -147,13 +147,16 @@ def test_quadrilaterals_are_cut_along_the_diagonal_that_keeps_them_sound(tmp_pat
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 REFUSED = {
     "comma.stl": (stl_text(*CELL).replace(b".", b","), r"decimal comma.* with decimal points"),
-    "words.obj": (TRIANGLE.replace("v 1 0", "v one 0"), "line 2: 'one' stands where a number"),
-    "cut.stl": (stl_text(*CELL)[:20000], "cut off"),
-    "none.stl": (stl_binary(*CELL)[:80] + b"\0" * 4 + stl_binary(*CELL)[84:], "long as for 320"),
+    "words.obj": (
+        TRIANGLE.replace("v 1 0", "v one 0"),
+        "line 2: 'one' is in the place of a number",
+    ),
+    "cut.stl": (stl_text(*CELL)[:20000], "truncated"),
+    "none.stl": (stl_binary(*CELL)[:80] + b"\0" * 4 + stl_binary(*CELL)[84:], "length fits 320"),
     "empty.stl": (b"", "it is empty"),
     "packed.stl": (gzip.compress(stl_text(*CELL)), r"packed \(gzip\); unpack it"),
     "wide.obj": (("\ufeff" + TRIANGLE).encode("utf-16-le"), "UTF-16; save it as plain text"),
-    "other.stl": (ply_text(*CELL), r"begins as a file of type \.ply; if it is one, rename it"),
+    "other.stl": (ply_text(*CELL), r"begins like a file of type \.ply; rename it if it is one"),
     "reference.stl": (b"version https://git-lfs.github.com/spec/v1\n", "fetch the file"),
     "zero.obj": (TRIANGLE.replace("f 1", "f 0"), "line 4: no point has the number '0'"),
     "weight.obj": (TRIANGLE.replace("v 1 0 0", "v 1 0 0 2"), "weight of a point must be 1, got 2"),
@@ -182,7 +185,7 @@ def test_compressed_and_too_large_files_are_rejected(tmp_path, monkeypatch):
         surface_file(str(tmp_path / "cell.stl.gz"), "initial.surface")
     monkeypatch.setattr(files, "MAX_FILE_SIZE", 1000)
     (tmp_path / "cell.stl").write_bytes(bytes(1001))
-    with pytest.raises(InvalidInput, match=r"larger than .* MiB, export it with fewer triangles"):
+    with pytest.raises(InvalidInput, match=r"larger than .* MiB; export it with fewer triangles"):
         surface_file(str(tmp_path / "cell.stl"), "initial.surface")
 
 

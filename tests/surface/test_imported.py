@@ -33,7 +33,7 @@ def test_coordinates_must_be_usable_numbers(bad):
     r[5, 1] = bad
     with pytest.raises(InvalidInput, match="finite coordinates below 1e150"):
         check_surface(r, faces, "x")
-    with pytest.raises(InvalidInput, match="larger than a point"):
+    with pytest.raises(InvalidInput, match="must have a size > 0"):
         check_surface(0 * r[:1].repeat(len(r), axis=0) + 3.0, faces, "x")
 
 

@@ -88,7 +88,7 @@ def test_degree_one_is_the_perturbation_along_an_axis():
 
 def test_harmonics_beyond_the_mesh_are_rejected():
     model, rest = sphere(Parameters(), 1)
-    with pytest.raises(InvalidInput, match=r"\(l \+ 1\)\^2 <= 42 nodes, got l = 6"):
+    with pytest.raises(InvalidInput, match=r"\(l \+ 1\)\^2 <= 42, the number of nodes, got l = 6"):
         perturbed(model, rest, Initial(perturbation=0.0, harmonics=((6, 0, 0.1),)))
     with pytest.raises(InvalidInput, match=r"harmonics = \[\[2, 0, 7\.0\]\] well below c = 3"):
         perturbed(model, rest, Initial(perturbation=0.0, harmonics=((2, 0, 7.0),)))
@@ -235,12 +235,12 @@ def test_a_file_that_is_no_frame_is_rejected(tmp_path):
     r, faces = ellipsoid()
     fields = {"t": 1.0, "zeta0": 150.0}
     for c, more, says in (
-        (None, fields, r"lacks c; a shape alone is given as initial\.surface"),
+        (None, fields, r"lacks c; give a shape without them as initial\.surface"),
         (np.ones(len(r)), {"t": 1.0}, "lacks zeta0"),
         (np.ones(len(r)), {}, "lacks t, zeta0"),
-        (r, fields, "one finite number c >= 0"),
-        (-np.ones(len(r)), fields, "one finite number c >= 0"),
-        (np.full(len(r), np.nan), fields, "one finite number c >= 0"),
+        (r, fields, "a finite c >= 0"),
+        (-np.ones(len(r)), fields, "a finite c >= 0"),
+        (np.full(len(r), np.nan), fields, "a finite c >= 0"),
         (np.ones(len(r)), fields | {"zeta0": np.inf}, "finite tension"),
     ):
         data = {} if c is None else {"c": c}

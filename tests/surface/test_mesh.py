@@ -1,8 +1,10 @@
 import numpy as np
 import pytest
+from scipy.sparse import coo_array, csgraph
 
 from amoeboid.meshes.connectivity import connectivity, icosphere
 from amoeboid.meshes.geometry import geometry, volume
+from amoeboid.meshes.graphs import components, reverse_cuthill_mckee
 from amoeboid.meshes.relaxation import _relaxed, relaxation, uniform_icosphere
 from amoeboid.validation import InvalidInput
 from surface.shapes import sphere
@@ -30,6 +32,53 @@ def test_numbering_keeps_the_band_narrow():
     for subdivisions in (2, 3, 4):
         mesh = connectivity(icosphere(subdivisions)[1])
         assert np.max(np.abs(mesh.rows - mesh.columns)) < 2 * np.sqrt(mesh.n_nodes)
+
+
+@pytest.mark.parametrize("subdivisions", [0, 2, 4])
+def test_reverse_cuthill_mckee_is_that_of_scipy(subdivisions):
+    nodes, faces = icosphere(subdivisions)
+    mesh = connectivity(np.random.default_rng(0).permutation(len(nodes))[faces])
+    graph = coo_array((np.ones(len(mesh.rows)), (mesh.rows, mesh.columns))).tocsr()
+    # SciPy leaves open which of the nodes of least valence is the first
+    first = np.argmin(mesh.valence)
+    theirs = csgraph.reverse_cuthill_mckee(graph, symmetric_mode=True)
+    ours = reverse_cuthill_mckee(mesh.row_start, mesh.columns)
+    assert ours[-1] == first
+    assert sorted(ours) == list(range(len(nodes)))
+
+    def band(order):
+        place = np.argsort(order)
+        return np.abs(place[mesh.rows] - place[mesh.columns]).max()
+
+    if theirs[-1] == first:
+        np.testing.assert_array_equal(ours, theirs)
+    assert band(ours) <= 1.1 * band(theirs)
+
+
+def test_order_of_neighbors_is_by_valence_then_by_number():
+    """A star whose arms 1 to 4 have 1, 3, 2 and 2 further nodes; 0 is the middle."""
+    arms = {1: [5], 2: [6, 7, 8], 3: [9, 10], 4: [11, 12]}
+    pairs = [(0, arm) for arm in arms] + [(arm, leaf) for arm in arms for leaf in arms[arm]]
+    begin, end = np.array(pairs + [p[::-1] for p in pairs] + [(i, i) for i in range(13)]).T
+    order = np.lexsort((end, begin))
+    row_start = np.searchsorted(begin[order], np.arange(14))
+    found = reverse_cuthill_mckee(row_start, end[order])
+    assert found[::-1].tolist() == [5, 1, 0, 3, 4, 2, 9, 10, 11, 12, 6, 7, 8]
+
+
+@pytest.mark.parametrize(("nodes", "links"), [(1, 0), (7, 3), (300, 200), (300, 290), (2000, 3000)])
+def test_components_are_those_of_scipy(nodes, links):
+    begin, end = np.random.default_rng(links).integers(0, nodes, (2, links))
+    graph = coo_array((np.ones(links), (begin, end)), shape=(nodes, nodes))
+    count, pieces = csgraph.connected_components(graph, directed=False)
+    ours = components(nodes, begin, end)
+    assert ours[0] == count
+    np.testing.assert_array_equal(ours[1], pieces)
+
+
+def test_a_long_chain_in_any_order_is_one_piece():
+    chain = np.random.default_rng(3).permutation(5000)
+    assert components(5000, chain[:-1], chain[1:])[0] == 1
 
 
 def test_pattern_and_slots_agree():

@@ -41,7 +41,7 @@ from surface.written import (
 
 
 def marching_cubes(n, half_width=18.0):
-    """A bent cell of about 20 micrometers on a grid of n^3: nodes, faces, inside out."""
+    """A bent cell of about 20 micrometers on a grid of n^3: nodes, faces, oriented inward."""
     x = np.linspace(-half_width, half_width, n)
     z, y, x = np.meshgrid(x, x, x, indexing="ij")
     inside = 1 - (x / 10) ** 2 - (y / 12.5) ** 2 - (z / 15) ** 2
@@ -83,7 +83,7 @@ def test_a_marching_cubes_surface_becomes_a_uniform_mesh_of_the_wanted_size(grid
     shift = volume_centroid(new, new_faces) - volume_centroid(r, faces)
     assert np.abs(shift).max() < max(1e-3, 0.05 * chords) * np.ptp(r)
     turned, remeshed = changes
-    assert "inside out" in turned
+    assert "oriented inward" in turned
     assert f"remeshed {len(r)} points as {len(new)}" in remeshed
 
 
@@ -147,9 +147,9 @@ def repeated():
 @pytest.mark.parametrize(
     ("make", "says"),
     [
-        (inside_out, "inside out"),
-        (one_turned, "turned 1 triangles round"),
-        (turned_half, "turned 160 triangles round"),
+        (inside_out, "oriented inward"),
+        (one_turned, "reversed 1 triangles"),
+        (turned_half, "reversed 160 triangles"),
         (sliver, "remeshed 162 points"),
         (unused, "removed 1 points"),
         (repeated, "removed 8 triangles"),
@@ -239,5 +239,5 @@ def test_too_many_points_for_a_repair_are_rejected(monkeypatch):
 
 
 def test_repair_needs_a_surface():
-    with pytest.raises(InvalidInput, match=r"^initial\.repair must be false where there is no"):
+    with pytest.raises(InvalidInput, match=r"^initial\.repair must be false without"):
         Initial(repair=True)

@@ -360,7 +360,7 @@ def test_a_step_to_a_folded_or_degenerate_mesh_fails():
     a, b, _ = model.mesh.faces[0]
     mirrored = rest.r.copy()
     mirrored[[a, b]] = mirrored[[b, a]]
-    with pytest.raises(StepFailed, match="turned over"):
+    with pytest.raises(StepFailed, match="has inverted"):
         stepping.check_step(model, rest, replace(rest, r=mirrored))
     flat = rest.r.copy()
     flat[a] = flat[b] + 1e-3 * (flat[a] - flat[b])

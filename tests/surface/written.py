@@ -157,5 +157,5 @@ BAD = {
     torus: r"deformed sphere \(Euler characteristic 2\), got 0",
     sliver: "degenerate triangles",
     crossing: "not intersect",
-    inside_out: "inside out",
+    inside_out: "oriented inward",
 }

@@ -129,17 +129,21 @@ def test_random_points_and_refinement(capsys):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[solver]", "[solvr]", "'solvr' is no table of a sweep"),
+        ("[solver]", "[solvr]", "unknown table 'solvr' of a sweep"),
         ('name = "theory"', 'name = "theorie"', r"\[solver\] name must be one of theory, steady"),
-        ('name = "theory"', 'name = "theory"\nx = 1', r"'x' is no key of \[solver\] theory"),
+        ('name = "theory"', 'name = "theory"\nx = 1', r"unknown key 'x' in \[solver\] theory"),
         ('name = "theory"', 'name = "steady"\ndegrees = [0]', r"\[solver\] degrees must be whole"),
         ('name = "theory"', 'name = "branch"', r"\[solver\] to must be given"),
-        ('name = "theory"', 'name = "simulate"\nmesh.size = 1', r"\[solver\]: 'size' is no field"),
+        (
+            'name = "theory"',
+            'name = "simulate"\nmesh.size = 1',
+            r"\[solver\]: unknown field 'size'",
+        ),
         ('name = "theory"', 'name = "motility"\nin = "air"', r"\[solver\]: "),
-        ("D = 0.4", "E = 0.4", r"\[base\]: 'E' is no parameter"),
+        ("D = 0.4", "E = 0.4", r"\[base\]: unknown parameter 'E'"),
         ("c0 = [3, -1]", "c0 = 3", r"\[vary\]: the values of c0 must be a list"),
         ("c0 = [3, -1]", "c0 = {linspace = 3}", r"\[vary\]: linspace of c0 must be"),
-        ("[vary]", "[sobol]\nseed = 1\n[vary]", r"\[sobol\] must have count"),
+        ("[vary]", "[sobol]\nseed = 1\n[vary]", r"\[sobol\] needs count"),
         ("[vary]", "[refine]\nlabel = 3\n[vary]", r"\[refine\]: label must be a name"),
         ("c0 = [3, -1]", "c0 = [[3, -1]]", r"\[vary\]: c0 must be a number"),
         ("law.n = [1, 3]", "law.m = [1, 3]", r"\[vary\]: the law .* has no parameter 'm'"),
@@ -177,7 +181,7 @@ def test_a_wrong_file_is_refused_by_table_and_key(old, new, message, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ([], "takes a file SWEEP.toml"),
+        ([], "needs SWEEP.toml"),
         (["nowhere.toml"], "No such file"),
         (["a.toml", "--workers", "0"], "--workers must be >= 1"),
         (["--merge", "nowhere"], "must have a sweep.json"),

@@ -180,7 +180,7 @@ def test_a_full_disk_ends_the_sweep_and_what_is_done_is_kept(tmp_path, full_disk
 def test_two_processes_on_one_folder_are_refused(tmp_path):
     am.sweep(POINTS, solvers.square, folder=tmp_path / "a")
     manifest = read_manifest(tmp_path / "a")
-    refused = pytest.raises(am.InvalidInput, match="used by one process at a time")
+    refused = pytest.raises(am.InvalidInput, match="only one process at a time")
     with SweepFolder(tmp_path / "a").opened(manifest, (1, 1)):
         for shard in (None, (1, 2)):
             with refused:
@@ -198,7 +198,7 @@ def test_a_second_process_is_refused_while_the_first_is_at_work(tmp_path):
     process = started(tmp_path / "a")
     while process.poll() is None and not lines(tmp_path / "a"):
         time.sleep(0.01)
-    with pytest.raises(am.InvalidInput, match="used by one process at a time"):
+    with pytest.raises(am.InvalidInput, match="only one process at a time"):
         am.sweep(POINTS, solvers.slow, folder=tmp_path / "a")
     process.communicate()
     assert process.returncode == 0
@@ -271,7 +271,7 @@ def test_folders_of_something_else_and_of_a_newer_format_are_refused(tmp_path):
         with pytest.raises(am.InvalidInput, match=message):
             am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / name)
     assert [p.name for p in (tmp_path / "mine").iterdir()] == ["thesis.tex"]
-    with pytest.raises(am.InvalidInput, match="has none; give the folder"):
+    with pytest.raises(am.InvalidInput, match="has none; give the output folder"):
         am.load_sweep(tmp_path / "mine")
     am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / "a")
     manifest = tmp_path / "a" / "sweep.json"
@@ -283,7 +283,7 @@ def test_folders_of_something_else_and_of_a_newer_format_are_refused(tmp_path):
         am.sweep(am.grid(v_p0=[1]), solvers.square, folder=tmp_path / "a")
     for text in ("{", "[]", "{}", "[" * 100000, '{"format": "amoeboid run"}'):
         manifest.write_text(text)
-        with pytest.raises(am.InvalidInput, match="must be the file of a sweep"):
+        with pytest.raises(am.InvalidInput, match="must be the manifest of a sweep"):
             am.load_sweep(tmp_path / "a")
 
 

@@ -87,7 +87,7 @@ def test_lists_of_physical_cells_are_measured_in_one_unit():
     for k, cell in enumerate(cells):
         single = am.theory(cell).threshold.to("um/s").magnitude
         assert found["threshold"].values[k] == pytest.approx(single, rel=1e-15)
-    with pytest.raises(am.InvalidInput, match="all have physical units or none"):
+    with pytest.raises(am.InvalidInput, match="must have physical units, got both"):
         am.sweep([cells[0], am.Parameters()], am.theory)
 
 
@@ -95,10 +95,10 @@ def test_lists_of_physical_cells_are_measured_in_one_unit():
     ("make", "message"),
     [
         (lambda: am.grid(), "must vary something"),
-        (lambda: am.grid(E=[1]), "'E' is no parameter"),
-        (lambda: am.grid(**{"mesh.size": [1]}), r"'size' is no field of \[mesh\]"),
+        (lambda: am.grid(E=[1]), "unknown parameter 'E'"),
+        (lambda: am.grid(**{"mesh.size": [1]}), r"unknown field 'size' in \[mesh\]"),
         (lambda: am.grid(D=0.1), "the values of D must be a list"),
-        (lambda: am.grid(D=[]), "must be at least one"),
+        (lambda: am.grid(D=[]), "must have at least one value"),
         (lambda: am.grid(D=[1, 1]), "must differ in a grid"),
         (lambda: am.grid(D=[np.nan]), "D must be a finite number"),
         (lambda: am.grid(D=["x"]), "D must be a number"),
@@ -110,7 +110,7 @@ def test_lists_of_physical_cells_are_measured_in_one_unit():
         (lambda: am.grid(D={"arange": [0, 1, 3]}), "a range must be"),
         (lambda: am.grid(0.4, D=[1]), "p must be amoeboid.Parameters"),
         (lambda: am.grid(D=range(1, 5000), v_p0=range(5000)), "1 to 10000000 points"),
-        (lambda: am.paired(D=[1, 2], v_p0=[1]), "as many values each"),
+        (lambda: am.paired(D=[1, 2], v_p0=[1]), "equally many values"),
         (lambda: am.sobol(0, D=(0, 1)), "count must be a whole number >= 1"),
         (lambda: am.sobol(8, seed=-1, D=(0, 1)), "seed must be a whole number >= 0"),
         (lambda: am.sobol(8, D=[0, 1, 2]), r"must be \(low, high\)"),

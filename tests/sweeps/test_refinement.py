@@ -78,10 +78,10 @@ def test_a_refined_sweep_is_continued(tmp_path):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: am.refine(am.paired(D=[1, 2]), "x"), "refine takes a grid"),
-        (lambda: am.refine(am.grid(D=[1]), "x"), "two or more numbers"),
-        (lambda: am.refine(am.grid(D=[1, 3, 2]), "x"), "in their order"),
-        (lambda: am.refine(am.grid(law=["inverse", "exponential"]), "x"), "two or more numbers"),
+        (lambda: am.refine(am.paired(D=[1, 2]), "x"), "refine needs a grid"),
+        (lambda: am.refine(am.grid(D=[1]), "x"), "at least two numbers"),
+        (lambda: am.refine(am.grid(D=[1, 3, 2]), "x"), "numbers in order"),
+        (lambda: am.refine(am.grid(law=["inverse", "exponential"]), "x"), "at least two numbers"),
         (lambda: am.refine(am.grid(D=[1, 2]), "x", depth=0), "depth must be"),
         (lambda: am.refine(am.grid(D=[1, 2]), ()), "label must be a name"),
         (lambda: am.refine(am.grid(D=range(99), c0=range(99)), "x", depth=9), "at most 50000000"),
@@ -95,5 +95,5 @@ def test_what_cannot_be_refined_is_refused(make, message):
 
 def test_a_refinement_has_no_shards(tmp_path):
     plan = am.refine(am.grid(D=[1, 2]), "in")
-    with pytest.raises(am.InvalidInput, match="cannot be made in shards"):
+    with pytest.raises(am.InvalidInput, match="cannot be divided into shards"):
         am.sweep(plan, inside, folder=tmp_path / "a", shard=(1, 2))

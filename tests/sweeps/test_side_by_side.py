@@ -36,7 +36,7 @@ def test_states_of_a_sweep_are_those_of_many_steady_states(found):
 def test_statuses_and_reasons_of_lanes_are_those_of_points(found):
     assert found["status"].values.tolist() == [["ok", "ok"], ["ok", "failed"], ["failed"] * 2]
     assert found["state"].values.tolist() == [["sphere", "polarized"], ["polarized", ""], ["", ""]]
-    assert "no state here but the sphere" in str(found["why"].sel(D=0.4, v_p0=4.0).values)
+    assert "no other state here" in str(found["why"].sel(D=0.4, v_p0=4.0).values)
     assert "unresolved: the series of 32 modes" in str(found["why"].sel(D=0.1, v_p0=6.1).values)
     assert "D must be a finite number" in str(found["why"].sel(D=-1.0, v_p0=4.0).values)
 

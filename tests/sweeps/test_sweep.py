@@ -48,7 +48,7 @@ def test_a_branch_is_recorded_with_its_folds():
 def test_a_parameter_varied_by_the_sweep_and_by_the_answer_is_named():
     solver = functools.partial(am.branch, name="v_p0", end=6.5, max_step=0.4)
     found = am.sweep(am.grid(P, v_p0=[6.0]), solver)
-    assert "'v_p0', which is a name of the sweep" in found.failed[0].why
+    assert "'v_p0', which the sweep varies" in found.failed[0].why
 
 
 def test_runs_are_recorded_at_their_end_and_in_time_if_asked_for():
@@ -110,17 +110,17 @@ def test_arrays_of_different_length_are_padded():
     [
         (1j, "real numbers"),
         (object(), "real numbers"),
-        ({}, "name what it gives"),
-        ({1: 2}, "name what it gives"),
-        ({"why": 2}, "'why', which is a name of the sweep"),
-        ({"a": [1, "x"]}, "of numbers or of texts"),
+        ({}, "names of solver results"),
+        ({1: 2}, "names of solver results"),
+        ({"why": 2}, "'why', which the sweep varies"),
+        ({"a": [1, "x"]}, "only numbers or only texts"),
         ({"a": [[1], [1, 2]]}, "1 dimensions, got more"),
         ({"a": [1, 2], "a_i": 3}, "'a_i', which is the name of a dimension"),
         ({"point": 1}, "'point', which is the name of a dimension"),
-        ({"a/b": 1.0}, "that NetCDF takes, without '/'"),
-        ({" a": 1.0}, "that NetCDF takes, without '/'"),
-        ({"a": "x\0y"}, "that UTF-8 and NetCDF hold"),
-        ({"a": ["\ud800"]}, "that UTF-8 and NetCDF hold"),
+        ({"a/b": 1.0}, "valid in NetCDF, without '/'"),
+        ({" a": 1.0}, "valid in NetCDF, without '/'"),
+        ({"a": "x\0y"}, "valid in UTF-8 and NetCDF"),
+        ({"a": ["\ud800"]}, "valid in UTF-8 and NetCDF"),
     ],
 )
 def test_what_cannot_be_recorded_is_a_failure_with_a_reason(answer, message):
@@ -173,7 +173,7 @@ def test_a_point_that_means_something_else_fails_alone(tmp_path, answer, folder,
             cells, answer, executor=executor, points_per_task=points_per_task, folder=place, key="a"
         )
     assert found.counts == {"ok": 2, "failed": 1}
-    assert "'value' must mean the same at all points" in found.failed[0].why
+    assert "'value' must be of one kind at all points" in found.failed[0].why
     assert np.isfinite(found["value"].values[[0, 2]]).all()
     if place is not None:
         assert am.load_sweep(place).rows == found.rows
@@ -270,7 +270,7 @@ def test_a_sweep_pickles_draws_and_shows_itself_in_a_few_lines():
         axes = Figure().add_subplot()
         assert found.plot(ax=axes) is axes
     assert am.sweep(points, am.theory).plot(observable="bifurcation").get_xlabel().startswith("D")
-    with pytest.raises(am.InvalidInput, match="one or two numbers that vary"):
+    with pytest.raises(am.InvalidInput, match="one or two varied numbers"):
         am.sweep(am.grid(D=[1], v_p0=[1], c0=[1]), lambda p: 1).plot()
 
 
@@ -295,10 +295,10 @@ def test_progress_is_told_to_a_function():
         ({"workers": 0}, "workers must be a whole number >= 1"),
         ({"executor": 3}, "executor must have `submit`"),
         ({"executor": 3, "workers": 2}, "an executor or workers, not both"),
-        ({"shard": (1, 2)}, "a shard must have a folder"),
+        ({"shard": (1, 2)}, "a shard needs a folder"),
         ({"shard": (3, 2), "folder": "x"}, "1 <= k <= n"),
         ({"progress": 3}, "progress must be"),
-        ({"folder": "x", "solver": lambda p: 1}, "known by its content"),
+        ({"folder": "x", "solver": lambda p: 1}, "code can be identified"),
         ({"workers": 2, "solver": lambda p: 1}, "other processes can import"),
     ],
 )

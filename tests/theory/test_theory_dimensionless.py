@@ -15,7 +15,9 @@ from theory.sample_points import sample_points
 
 @pytest.mark.parametrize("function", [dimensionless, dimensionless_cubic_coefficient])
 def test_dimensionless_numbers_need_turnover(function):
-    with pytest.raises(InvalidInput, match="beta must be > 0 for a dimensionless number, got 0"):
+    with pytest.raises(
+        InvalidInput, match="beta must be > 0 for the dimensionless numbers of the paper, got 0"
+    ):
         function(Parameters(beta=0.0))
     with pytest.raises(InvalidInput, match="beta must be > 0"):
         function(points(Parameters(), beta=[1.0, 0.0]))

@@ -73,7 +73,7 @@ def test_a_prediction_per_point_needs_no_loop(million):
         ({"beta": "x"}, "beta must be a finite number >= 0, got 'x'"),
         ({"beta": [[1], [2, 3]]}, "beta must be"),
         ({"beta": [True]}, "beta must be"),
-        ({"gamma": 1.0}, "'gamma' is no parameter"),
+        ({"gamma": 1.0}, "unknown parameter 'gamma'"),
         ({"D": [1.0, 2.0], "c0": [1.0, 2.0, 3.0]}, r"must broadcast, got shapes c0: \(3,\)"),
     ],
 )

@@ -91,7 +91,7 @@ def located_bifurcations(
                 if lost:
                     missed.append(
                         f"the number of unstable modes m = {m} changes between {name} = "
-                        f"{a.value:.6g} and {b.value:.6g}; the location was not found"
+                        f"{a.value:.6g} and {b.value:.6g}; the exact location was not found"
                     )
     return tuple(found), missed
 

@@ -66,7 +66,7 @@ def _from_origin(
 
 
 def _met(value: float, branch: BranchSolution) -> bool:
-    """Whether the branch leaves or meets the sphere at this value."""
+    """Whether the branch leaves or reaches the sphere at this value."""
     return any(abs(value - other) <= SAME * abs(other) for other in branch.origins)
 
 

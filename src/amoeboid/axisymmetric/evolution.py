@@ -293,7 +293,7 @@ def evolve(
                 break
         while not dynamics.resolved(y):
             if 2 * dynamics.n > MAX_MODES:
-                raise StepTooSmall(f"{dynamics.n} modes do not resolve the cell at t = {t:.6g}")
+                raise StepTooSmall(f"{dynamics.n} modes cannot resolve the cell at t = {t:.6g}")
             dynamics, y = dynamics.refined(y)
 
 

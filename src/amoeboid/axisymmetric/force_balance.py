@@ -106,8 +106,8 @@ def axial_strength(cue: Any) -> float:
     along = isinstance(cue, Cue) and cue.direction[0] == 0 == cue.direction[1]
     if not along or cue.pokes:
         raise InvalidInput(
-            "an axisymmetric cell needs a Cue along its axis, direction (0, 0, 1), and no pokes, "
-            f"got {cue!r}; use a run in 3D"
+            "the cue of an axisymmetric cell must point along its axis, direction (0, 0, 1), "
+            f"without pokes, got {cue!r}; use a 3D run"
         )
     return float(np.copysign(cue.strength, cue.direction[2] * cue.strength))
 
@@ -116,8 +116,8 @@ def refuse_cue(cue: Any, what: str) -> None:
     """Raise InvalidInput where there is a cue: `what` is only known of a cell without one."""
     if axial_strength(cue) != 0.0:
         raise InvalidInput(
-            f"{what} must be asked for without a cue, got {cue!r}; follow the time evolution with "
-            "it, or run the cell in 3D"
+            f"{what} needs a cell without a cue, got {cue!r}; compute the time evolution under "
+            "the cue, or run the cell in 3D"
         )
 
 

@@ -43,10 +43,10 @@ CONVERGED, STOPPED, UNRESOLVED, SPHERE, UNDEFINED = range(5)
 STATUSES = ("converged", "stalled", "unresolved", "sphere", "undefined")
 REASONS = (
     "",
-    "Newton's method stalled, however short the steps along the branch",
+    "Newton's method failed at every step length along the branch",
     "the series of {modes} modes does not resolve the state; allow more modes, or raise D",
-    "only the homogeneous sphere: the branch that leaves it as v_p0 grows has no state here but "
-    "the sphere, or the start led to it",
+    "only the homogeneous sphere was found: the branch that leaves it as v_p0 grows has no "
+    "other state here, or the start led back to the sphere",
     "the law has no value at the concentrations of the state",
 )
 
@@ -96,8 +96,9 @@ class Table:
         friction = sum(self.numbers[name] for name in FRICTION)
         if np.any(friction > 0) and np.any(friction == 0):
             raise InvalidInput(
-                "all cells must have friction (gamma_t, gamma_n or gamma_c > 0), or none, got "
-                f"{int(np.sum(friction == 0))} of {len(self)} without; ask for them by themselves"
+                "either all cells or none must have friction (gamma_t, gamma_n or gamma_c > 0), "
+                f"got {int(np.sum(friction == 0))} of {len(self)} without; compute the two groups "
+                "separately"
             )
         return frozenset(n for n in OPTIONAL if np.any(self.numbers.get(n, np.zeros(1)) != 0))
 

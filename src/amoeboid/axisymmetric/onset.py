@@ -167,7 +167,7 @@ def branch_tangent(
     _, jacobian = system.residual_and_jacobian(x, np.array([value]))
     left, sizes, modes = np.linalg.svd(jacobian * system.scale)
     if not (sizes[-1] < 1e-9 * sizes[0] and sizes[-1] < 1e-3 * sizes[-2]):
-        raise InvalidInput(f"{name} = {value:.10g} is no simple branch point of the sphere")
+        raise InvalidInput(f"{name} = {value:.10g} is not a simple branch point of the sphere")
     null = modes[-1] * system.scale
     rear = np.sum(split(null, n)[2])
     towards = null if rear * sign > 0 else -null

@@ -1,8 +1,8 @@
 """A branch of steady states from a start to its natural end, arc by arc.
 
-A branch ends where it meets the sphere (it continues there as its own mirror image, or as another
-branch), where it meets states that are symmetrical front to back, where it returns to its start,
-and where the parameter reaches zero.
+A branch ends where it reaches the sphere (it continues there as its own mirror image, or as another
+branch), where it reaches states that are symmetric from front to rear, where it returns to its
+start, and where the parameter reaches zero.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ SAME = 1e-6
 """Relative difference up to which two states are the same."""
 
 MAX_DEGREE = 12
-"""Highest mode of the sphere that is tried where a branch meets the sphere."""
+"""Highest mode of the sphere that is tried where a branch reaches the sphere."""
 
 MAX_COARSE_STEP = 1.5
 """Longest step outside the window."""
@@ -125,11 +125,11 @@ class Path:
                     what = (
                         "reaches zero"
                         if point.parameter <= 0
-                        else "meets states of higher symmetry"
+                        else "reaches states of higher symmetry"
                     )
                     raise Stalled(
                         f"the branch {what} between parameter = {anchor.parameter:.10g} and "
-                        f"{point.parameter:.10g}; the location was not found"
+                        f"{point.parameter:.10g}; the exact location was not found"
                     )
                 return anchor
             self.last = arcs[-1].b

@@ -117,10 +117,12 @@ def phase_columns(p: Parameters, name: str, values: Array, speeds: Array) -> Ite
     Raises InvalidInput for a `name` that is v_p0 or no number, or speeds that do not ascend.
     """
     if name == "v_p0":
-        raise InvalidInput("the parameter beside v_p0 must be another one, got 'v_p0'")
+        raise InvalidInput(
+            "the second parameter must differ from v_p0, got 'v_p0'; choose another, such as D"
+        )
     for label, axis in ((name, values), ("v_p0", speeds)):
         if axis.size < 2 or np.any(np.diff(axis) <= 0):
-            raise InvalidInput(f"the values of {label} must ascend and be two or more")
+            raise InvalidInput(f"there must be at least two values of {label}, in ascending order")
     for value in values:
         yield phase_column(p.replace(**{name: float(value)}), float(value), speeds)
 
@@ -231,7 +233,7 @@ def fold_line(
         scale=system.scale,
     )
     if not found.converged:
-        return [], [f"the fold at {name} = {column.value:.6g} was not found again"]
+        return [], [f"the fold at {name} = {column.value:.6g} could not be located"]
     options = Options(parameter_scale=float(np.ptp(values)), max_step=0.1, max_points=80)
     line = [(column.value, float(found.x[-1]))]
     problems = []

@@ -82,7 +82,7 @@ def _check_degrees(degrees: Any) -> None:
     whole = many and all(isinstance(x, Integral) and not isinstance(x, bool) for x in degrees)
     if not (whole and min(degrees) >= 1):
         raise InvalidInput(
-            f"degrees must be whole numbers >= 1, such as (1, 2, 3), at least one, got {degrees!r}"
+            f"degrees must be one or more whole numbers >= 1, such as (1, 2, 3), got {degrees!r}"
         )
 
 
@@ -106,7 +106,7 @@ def steady_solutions(
     without = _without_speed(p)
     if without:
         found.extend(_reached_by_evolution(p))
-        problems.append(f"only states reached in time are found: {without}")
+        problems.append(f"only states that a time evolution reaches are found: {without}")
     for l in degrees:  # noqa: E741
         for threshold in onset_speeds(p, l):
             for sign in (1.0, -1.0) if l % 2 == 0 else (1.0,):
@@ -128,13 +128,13 @@ def stability_problems(p: Parameters) -> tuple[str, ...]:
     """What limits the counts of unstable modes at a parameter point."""
     if p.delta_P == 0:
         return (
-            "at delta_P = 0 short waves are weakly damped and the counts of unstable modes depend "
-            "on the resolution; raise delta_P to trust them",
+            "at delta_P = 0 short waves are weakly damped, so the counts of unstable modes "
+            "depend on the resolution; raise delta_P for reliable counts",
         )
     if highest_growing(p) == MAX_GROWING:
         return (
-            f"modes of the sphere up to l = {MAX_GROWING}, the highest that is counted, grow: the "
-            "counts of unstable modes are lower bounds; raise D or beta",
+            f"modes of the sphere up to l = {MAX_GROWING}, the highest that is counted, grow, so "
+            "the counts of unstable modes are lower bounds; raise D or beta",
         )
     return ()
 
@@ -149,7 +149,7 @@ def _without_speed(p: Parameters) -> str:
     if here != float(other.v_p(p.c0)):
         with suppress(InvalidInput):
             if growth_rate(points(p).at_speed(0.0), 1) > 0:
-                return "the sphere polarizes without polymerization, at any v_p0 up from 0"
+                return "the sphere polarizes without polymerization, at every v_p0 >= 0"
         return ""
     with suppress(InvalidInput):
         elsewhere = p.c_r * np.array([0.5, 1.0, 2.0])
@@ -192,7 +192,7 @@ def _states_of_mode(
             if rising.for_good(arc.b):
                 break
             if modes_of(arc.b) > MAX_FAR_MODES and abs(arc.b.parameter - p.v_p0) > FAR * p.v_p0:
-                problems.append(f"it needs too many modes already at v_p0 = {arc.b.parameter:.6g}")
+                problems.append(f"it needs too many modes at v_p0 = {arc.b.parameter:.6g}")
                 break
         else:
             if not path.end:

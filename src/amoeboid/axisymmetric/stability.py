@@ -199,7 +199,7 @@ def linearization(state: SteadySolution, degree: int | None = None) -> Lineariza
     Raises InvalidInput if the state is not converged, or under a cue.
     """
     if not state.converged:
-        raise InvalidInput("stability needs a converged steady state; this one is not")
+        raise InvalidInput("stability needs a converged steady state; this one has not converged")
     refuse_cue(state.cue, "the spectrum of a steady state")
     units = natural_units(state.parameters)
     return Linearization(state.in_units(units), degree or degree_for(state), units.of("1/T"))

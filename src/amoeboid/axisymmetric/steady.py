@@ -369,7 +369,7 @@ def steady_state(
         found = newton_solution(system, x, max_iterations)
         history += found.residuals
         if not found.converged:
-            advice = "start from a state nearer by, in smaller steps of the parameter"
+            advice = "start from a closer state, in smaller steps of the parameter"
             why = f"Newton stalled; {advice}"
             return SteadySolution(p, n, found.x, False, history, why, cue)
         if system.resolved(found.x, np.zeros(0)):

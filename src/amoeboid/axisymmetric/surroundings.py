@@ -2,7 +2,7 @@
 
 The surface moves along its normal by h, which leans the normal by -h_s along the meridian and by
 -i (m/r) h around. Virtual powers are those of a force per area times the area, with the velocity of
-the cortex held. Velocities and forces around the axis are i times what stands here.
+the cortex held. Velocities and forces around the axis are i times the values here.
 """
 
 from __future__ import annotations

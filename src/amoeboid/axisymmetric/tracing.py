@@ -147,8 +147,8 @@ class Tracer:
             else:
                 if not path.end:
                     problems.append(
-                        f"stopped after {self.options.max_points} points; allow more, or longer "
-                        "steps"
+                        f"stopped after {self.options.max_points} points; allow more points, or "
+                        "longer steps"
                     )
         except (Stalled, InvalidInput) as stop:
             if path.unresolved is not None and self._leaves(path.unresolved, pieces, connected):
@@ -199,8 +199,8 @@ class Tracer:
             )
         if walk.end == SYMMETRIC:
             problems.append(
-                f"the branch ends at {name} = {walk.last:.6g}, where it meets states that are "
-                "symmetrical front to back"
+                f"the branch ends at {name} = {walk.last:.6g}, where it reaches states that are "
+                "symmetric from front to rear"
             )
         bifurcations, missed = located_bifurcations(p, name, found, self.options, self.watch)
         problems += missed

@@ -1,4 +1,4 @@
-"""The command line: parses, calls, prints; no physics. One module a command."""
+"""The command line: parses, calls, prints; no physics. One module for each command."""
 
 import os
 

@@ -35,13 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `branch`."""
     add_parameters(parser)
     add_observables(parser)
-    parser.add_argument("--vary", default="v_p0", metavar="NAME", help="the parameter (v_p0)")
+    parser.add_argument(
+        "--vary", default="v_p0", metavar="NAME", help="parameter that varies (default: v_p0)"
+    )
     parser.add_argument(
         "--from",
         dest="start",
         type=number_or_quantity,
         metavar="VALUE",
-        help="one end of the window (0 for v_p0, else the parameter's own value)",
+        help="one end of the window (default: 0 for v_p0, else the value of the parameter)",
     )
     parser.add_argument(
         "--to",
@@ -49,33 +51,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=number_or_quantity,
         required=True,
         metavar="VALUE",
-        help="the other end; with --physical a quantity ('2 um/s')",
+        help="other end of the window; with --physical a value with its unit ('2 um/s')",
     )
     parser.add_argument(
         "--mesh",
         type=whole,
         metavar="N",
-        help="follow 3D cells on a mesh of 10 * 4**N + 2 nodes (3: 642), N from 1 to 6; without it "
-        "axisymmetric states, without a mesh",
+        help="follow 3D cells on a mesh of 10 * 4**N + 2 nodes, N from 1 to 6 (3: 642 nodes); "
+        "default: axisymmetric states, without a mesh",
     )
     parser.add_argument(
         "--max-step",
         type=real,
         default=0.1,
         metavar="LENGTH",
-        help="longest step along the branch; smaller gives more points (0.1)",
+        help="longest step along the branch; a smaller one gives more points (default: 0.1)",
     )
     parser.add_argument(
-        "--max-points", type=whole, default=400, metavar="N", help="stop after N points (400)"
+        "--max-points",
+        type=whole,
+        default=400,
+        metavar="N",
+        help="stop after N points (default: 400)",
     )
-    add_plot(parser)
+    add_plot(parser, "the branch")
     parser.epilog = (
-        "In v_p0 the branch starts where the homogeneous sphere loses stability to l = 1; in any\n"
-        "other parameter at the polarized states at --from and where the sphere loses stability\n"
-        "within the window. It is followed through its folds outside the window as well; what\n"
-        "lies inside is listed. With --mesh it starts at the fastest axisymmetric state at --to,\n"
-        "or else at --from, and ends at an edge of the window or at the sphere.\n"
-        "Exit code 1: it could not be followed to its end.\n"
+        "A branch in v_p0 starts where the homogeneous sphere loses stability to l = 1. A "
+        "branch in any other parameter starts at the polarized states at --from, and where "
+        "the sphere loses stability in the window. With --mesh it starts at the fastest "
+        "axisymmetric state at --to, or else at --from, and ends at an edge of the window or "
+        "at the sphere.\n"
+        "Branches are followed through folds outside the window; only states inside are "
+        "listed.\n"
+        "example:\n"
+        "  amoeboid branch --to 7\n"
+        "Exit code 1: the branch could not be followed to its end.\n"
         f"{PLOT_FAILS}"
     )
 
@@ -107,8 +117,8 @@ def execute(args: argparse.Namespace) -> int:
     for problem in found.problems:
         tell("branch", problem)
     if not found.complete:
-        advice = "end the window earlier, or smooth the states by a larger D or delta_P"
-        tell("branch", f"incomplete; one can {advice}")
+        advice = "shorten the window, or smooth the states with a larger D or delta_P"
+        tell("branch", f"incomplete; remedy: {advice}")
     if args.json:
         print_json(_document(found, names))
     else:
@@ -184,7 +194,7 @@ def _print_branch(found: Branch, names: Sequence[str]) -> None:
         rows = [[value, *row] for value, row in zip(values, rows, strict=True)]
         say(*table([first, *titles], rows, limit=width()), "")
     if len(found.pieces) > 1:
-        say(f"the branch is in the window {len(found.pieces)} times, one table each")
+        say(f"the branch enters the window {len(found.pieces)} times; one table for each")
     for value in found.origins:
         say(
             f"bifurcates from the homogeneous sphere at {name} = {text(p, value, dimension, '.9g')}"

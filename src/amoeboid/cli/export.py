@@ -14,38 +14,40 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `export`."""
     from amoeboid.exports import names
 
-    parser.add_argument("run", type=path, metavar="RUN", help="the folder of a run")
+    parser.add_argument("run", type=path, metavar="RUN", help="folder of a run")
     parser.add_argument(
         "--to",
         metavar="FORMAT",
-        help=f"{', '.join(names())} (default: what the ending of -o names)",
+        help=f"{', '.join(names())} (default: by the extension of -o)",
     )
     parser.add_argument(
         "-o",
         "--output",
         type=path,
         metavar="PATH",
-        help="file, if it ends as those of the format do, or folder (default: named after RUN)",
+        help="file, if it has the extension of the format, else folder (default: named after RUN)",
     )
     parser.add_argument(
         "--frames",
         metavar="A:B:C",
-        help="frames A, A + C, ... before B, or one frame, as slices of Python (0:100:10, ::2, 7); "
-        "negative numbers count from the end (--frames=-1; default: all)",
+        help="frames A, A + C, ... before B, as a Python slice (0:100:10, ::2), or one frame (7, "
+        "--frames=-1 for the last); default: all",
     )
     parser.add_argument(
         "--follow",
         action="store_true",
-        help="keep the cell in the middle (default: on its path in the environment of the run, or, "
-        "without one, with all drag on the cortex)",
+        help="keep the cell in the center (default: it moves along its path in the environment "
+        "of the run, which is drag on the cortex if none is set)",
     )
-    parser.add_argument("--fps", type=real, help="frames a second of a movie (default 25)")
-    parser.add_argument("--force", action="store_true", help="replace files that are there")
+    parser.add_argument("--fps", type=real, help="frames per second of a movie (default: 25)")
+    parser.add_argument("--force", action="store_true", help="replace existing files")
     add_json(parser)
     parser.epilog = (
-        "Numbers are in the units of the run: um, s, ... where it has physical parameters.\n"
-        "Every file is written under another name first and then renamed. What the formats hold\n"
-        "stands in docs/folders.md."
+        "Numbers are in the units of the run: um, s, ... if its parameters have physical "
+        "units. Each file is written under a temporary name and then renamed. "
+        "docs/folders.md describes the formats.\n"
+        "example:\n"
+        "  amoeboid export amoeboid-run --to csv"
     )
 
 

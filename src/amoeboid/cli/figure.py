@@ -34,7 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "names",
         nargs="*",
         metavar="NAME",
-        help="figures to make, or `all`; without a name, the figures are listed",
+        help="figures to make, or `all`; without a name, list the figures",
     )
     parser.add_argument(
         "-o",
@@ -52,15 +52,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="format of the pictures: png (default), pdf, svg; repeatable",
     )
     parser.add_argument(
-        "--again", action="store_true", help="compute again what an earlier call has computed"
+        "--again", action="store_true", help="recompute, even if an earlier call has stored results"
     )
     add_parameters(parser)
     parser.epilog = (
-        "Each figure is a picture, and CSV files with the numbers that it shows and their units.\n"
-        "Results for the same parameters and the same version are read from DIR/.computed: a\n"
-        "command that was stopped continues when it is called again.\n"
-        "--set changes the parameters of the figures; the default is those of the paper.\n"
-        "Exit code 1: a figure could not be made; the other figures are made."
+        "Each figure is a picture, with its numbers and their units in CSV files.\nResults are "
+        "stored in DIR/.computed and used again for the same parameters and version, so an "
+        "interrupted command continues when it is repeated.\n--set changes the parameters of the "
+        "figures; the defaults are those of the paper.\nexample:\n  amoeboid figure fig3a\nExit "
+        "code 1: a figure could not be made; the others are made."
     )
 
 
@@ -181,10 +181,10 @@ def _parameters(figure: Figure, args: argparse.Namespace, every: bool) -> Parame
         if name in figure.varies:
             if not every:
                 raise InvalidInput(
-                    f"--set must not set {name} for {figure.name}, which varies it itself, "
-                    f"got {setting!r}; leave it out"
+                    f"--set must not set {name} for {figure.name}, which varies it, got "
+                    f"{setting!r}; leave it out"
                 )
-            tell("figure", f"{figure.name} varies {name} itself: made without {setting!r}")
+            tell("figure", f"{figure.name} varies {name}; made without {setting!r}")
             settings.remove(setting)
     if not settings and not args.physical:
         return figure.parameters

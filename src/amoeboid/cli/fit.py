@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `fit`."""
     parser.add_argument(
-        "data", type=Path, metavar="DATA.csv", help="measurements; headings as u [um/s], see below"
+        "data", type=Path, metavar="DATA.csv", help="measurements; see the columns below"
     )
     parser.add_argument(
         "--free", required=True, metavar="NAMES", help="parameters to find, such as D,v_p0,c0,beta"
@@ -40,27 +40,41 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--theta-from",
         default="front",
         choices=("front", "rear", "unknown"),
-        help="pole that theta counts from: the front has the low concentration (default: front)",
+        help="pole from which theta is measured; the front has the low concentration (default: "
+        "front)",
     )
     parser.add_argument(
         "--bounds",
         action="append",
         default=[],
         metavar="NAME=LOW:HIGH",
-        help="seek a parameter in this range (default: a factor of 1000 around its start)",
+        help="range in which a parameter is sought (default: a factor of 1000 to either side of "
+        "its start)",
     )
-    parser.add_argument("--level", type=real, default=0.95, help="of intervals (default: 0.95)")
     parser.add_argument(
-        "--starts", type=whole, default=3, help="number of starts of the search (default: 3)"
+        "--level", type=real, default=0.95, help="confidence level of the intervals (default: 0.95)"
     )
-    parser.add_argument("--seed", type=whole, default=0, help="of the further starts (default: 0)")
+    parser.add_argument(
+        "--starts",
+        type=whole,
+        default=3,
+        help="number of starting points of the search (default: 3)",
+    )
+    parser.add_argument(
+        "--seed", type=whole, default=0, help="seed of the random starting points (default: 0)"
+    )
     add_plot(parser, "the fit")
     parser.epilog = (
-        "Columns of DATA.csv: theta [deg]; u [um/s], the retrograde flow from front to rear;\n"
-        "c [1/um^2] or c [a.u.]; any observable (zeta0 [mN/m]); u_error [um/s] etc.; cell.\n"
-        "Entries may be empty. Without units, numbers are in the units of the parameters. With\n"
-        "units the search starts from the paper's cell, and --set takes quantities.\n"
-        "Parameters that are not free keep their values: --set them to what is known of the cell.\n"
+        "columns of DATA.csv (entries may be empty):\n"
+        "  theta [deg]               angle from the pole of --theta-from\n"
+        "  u [um/s]                  retrograde flow, positive from front to rear\n"
+        "  c [1/um^2] or c [a.u.]    filament concentration\n"
+        "  zeta0 [mN/m], ...         any other observable\n"
+        "  u_error [um/s], ...       standard deviation of that quantity\n"
+        "  cell                      label, if there are several cells\n"
+        "Columns without units are in the units of the parameters. With units, the search "
+        "starts from the paper's cell, and --set takes values with units.\n"
+        "Parameters that are not free keep their values: set the known ones with --set.\n"
         f"{PLOT_FAILS}"
     )
 
@@ -75,7 +89,7 @@ def execute(args: argparse.Namespace) -> int:
         raise InvalidInput(f"--level must be a number between 0 and 1, got {args.level:g}")
     data = measurements(args.data, args.theta_from)
     if args.plot is not None and all(q.theta is None for q in data):
-        raise InvalidInput("--plot draws profiles, the data have none; leave it out")
+        raise InvalidInput("--plot draws profiles, and the data have none; leave it out")
     args.physical = args.physical or data.physical
     p = only_parameters(args)
     names = [name.strip() for name in args.free.split(",") if name.strip()]

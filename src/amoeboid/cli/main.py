@@ -13,6 +13,7 @@ from typing import Any
 
 from amoeboid.cli import output
 from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED, USER_MISTAKE
+from amoeboid.cli.help import HelpFormatter
 from amoeboid.cli.output import tell, warnings_told
 from amoeboid.terminal import write
 from amoeboid.validation import InvalidInput
@@ -20,18 +21,18 @@ from amoeboid.validation import InvalidInput
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
 # its heavy imports belong into execute, so that --help stays quick.
 COMMANDS = {
-    "run": "a 3D simulation; with no argument, figure 3D of the paper",
-    "show": "what a stored run is, how it ended, and its picture again",
-    "export": "a stored run for other programs (vtp, csv, netcdf, ...) and as a movie",
-    "theory": "thresholds, growth rates, type of bifurcation and predicted flow, in closed form",
-    "steady": "all axisymmetric steady states found at one parameter point, with stability",
-    "branch": "continuation of the polarized state: points, folds, branch points, stability",
-    "phase-diagram": "super/subcritical boundary and the bistable region",
-    "sweep": "a solver at many points of parameters, in parallel, with all answers in one table",
-    "fit": "parameters of a cell from measured profiles of flow and concentration, with errors",
-    "motility": "migration velocity in a fluid, a matrix, on substrates and in channels",
-    "explore": "a live page in the browser: sliders, the branch, and a 3D cell that moves",
-    "figure": "the figures and tables of the paper, with the numbers that they show",
+    "run": "simulate a cell in 3D; without arguments, figure 3D of the paper",
+    "show": "summarize a stored run and draw its last cell again",
+    "export": "convert a stored run for other programs (vtp, csv, netcdf, ...) or to a movie",
+    "theory": "compute thresholds, growth rates, bifurcation and flow in closed form",
+    "steady": "find the axisymmetric steady states at one parameter point, with their stability",
+    "branch": "follow the polarized state along a parameter: folds, branch points, stability",
+    "phase-diagram": "map resting, polarized and bistable cells in v_p0 and a second parameter",
+    "sweep": "evaluate a solver at many parameter points in parallel, into one table",
+    "fit": "fit cell parameters to measured profiles of flow and concentration, with errors",
+    "motility": "compute the migration velocity in a fluid, a matrix, on substrates, in channels",
+    "explore": "open a live page in the browser: sliders, the branch, and a moving 3D cell",
+    "figure": "make the figures and tables of the paper, with the numbers that they show",
 }
 
 # What the system says of a path that leads nowhere; a full disk, for one, is nobody's mistake.
@@ -50,7 +51,8 @@ MISTAKEN_PATH = {
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     try:
-        args = _parser().parse_args(argv)
+        words = sys.argv[1:] if argv is None else argv
+        args = _parser(words).parse_args(words)
     except OSError as error:  # no room for what --help prints
         tell("", error)
         return FAILURE
@@ -71,7 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return INTERRUPTED
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
+    """Knows all commands, and the options of those that are named."""
     parser = _Parser(
         prog="amoeboid",
         description="Cells that polarize and migrate by actin polymerization, without myosin.",
@@ -79,15 +82,16 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action=_Version)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, summary in COMMANDS.items():
-        module = import_module(f"amoeboid.cli.{name.replace('-', '_')}")
         command = commands.add_parser(
             name,
             help=summary,
             description=f"{summary[0].upper()}{summary[1:]}.",
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=HelpFormatter,
         )
-        module.add_arguments(command)
-        command.set_defaults(execute=module.execute)
+        if name in words:  # to import the others would take as long as a short command
+            module = import_module(f"amoeboid.cli.{name.replace('-', '_')}")
+            module.add_arguments(command)
+            command.set_defaults(execute=module.execute)
     return parser
 
 

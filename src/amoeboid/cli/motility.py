@@ -30,8 +30,8 @@ KEYS = {
 }
 # How fast a cell with gamma_t, gamma_n or gamma_c moves by them.
 OWN = (
-    "In the friction of its own force balance the cell moves at {}.",
-    "Environments are without that friction, and do not act back on the flow.",
+    "With the friction of its own force balance the cell moves at {}.",
+    "The environments above exclude this friction and do not act back on the flow.",
 )
 SHOWN = ("velocity", "velocity_over_max_retrograde_speed", "power", "efficiency", "error")
 TITLES = {"velocity_over_max_retrograde_speed": "of max_retrograde_speed"}
@@ -44,30 +44,45 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=Path,
         metavar="STATE",
-        help="the folder of a run, whose last cell is taken, or a surface with vectors (.vtp); "
-        "without it the fastest stable axisymmetric state of the parameters",
+        help="folder of a run, whose last cell is used, or a surface with vectors (.vtp); "
+        "default: the fastest stable axisymmetric state of the parameters",
     )
     parser.add_argument(
         "--in",
         dest="environments",
         default=USUAL,
         metavar="LIST",
-        help=f"environments, separated by commas; {USUAL} if left out",
+        help=f"environments, separated by commas (default: {USUAL})",
     )
     add_parameters(parser)
-    parser.add_argument("--flow", metavar="NAME", help="of a surface: the name of its flow")
+    parser.add_argument(
+        "--flow", metavar="NAME", help="for a surface: name of the vector array with the flow"
+    )
     parser.add_argument(
         "--units",
         metavar="LENGTH,TIME",
-        help="of a surface: the units of its numbers, such as um,s",
+        help="for a surface: units of length and time of its numbers, such as um,s",
     )
     parser.epilog = (
-        "Environments: fluid:VISCOSITY, matrix:TANGENTIAL:normal=N:per_filament=true,\n"
-        "patch:HALF_ANGLE, plates:HALF_ANGLE, channel:HALF_WIDTH (degrees), cortex; several at\n"
-        "once with +, as patch:20+fluid. :coupled=0.2 for a share of the surface that moves with\n"
-        "the cortex. velocity: towards the front, where the concentration is low.\n"
-        "power: what the surroundings take up. efficiency: towing power over power.\n"
-        "error: of the velocity, by the method alone."
+        "environments (join several with +, as in patch:20+fluid):\n"
+        "  fluid:VISCOSITY        unbounded viscous fluid\n"
+        "  matrix:TANGENTIAL      drag along the surface (:normal=N for the drag along its normal, "
+        ":per_filament=true for drag in proportion to c)\n"
+        "  patch:HALF_ANGLE       adhesive patch on a substrate; half angle in degrees\n"
+        "  plates:HALF_ANGLE      two parallel plates\n"
+        "  channel:HALF_WIDTH     channel around the cell; half width of the contact in "
+        "degrees\n"
+        "  cortex                 uniform drag on the cortex\n"
+        "Append :coupled=0.2 if only this share of the surface moves with the cortex. With "
+        "--physical and for a run with units, values need units: --in 'fluid:1 mPa s'.\n"
+        "columns:\n"
+        "  velocity     towards the front, where the concentration is low\n"
+        "  power        power that the surroundings dissipate\n"
+        "  efficiency   towing power divided by this power\n"
+        "  error        numerical error of the velocity\n"
+        "examples:\n"
+        "  amoeboid motility --set D=0.4 --set v_p0=6 --in fluid,patch:30\n"
+        "  amoeboid motility --physical --set 'v_p0=2 um/s' --in 'fluid:1 mPa s'"
     )
 
 
@@ -84,8 +99,8 @@ def execute(args: argparse.Namespace) -> int:
                 raise InvalidInput(f"--{option} needs a surface with vectors (.vtp); leave it out")
     if args.state is not None and (args.settings or args.physical):
         raise InvalidInput(
-            "--set and --physical give the parameters of a steady state, a run or a surface has "
-            "its own; leave them out"
+            "--set and --physical choose a steady state; a run or a surface has its own "
+            "parameters; leave them out"
         )
     state, parameters = _state(args)
     with shown():
@@ -128,9 +143,7 @@ def _state(args: argparse.Namespace) -> tuple[Any, Any]:
             tell("motility", problem)
         stable = [state for state in found if state.stable]
         if not stable:
-            tell(
-                "motility", "no stable state was found; this is the fastest one, which is unstable"
-            )
+            tell("motility", "no stable state was found; results are for the fastest unstable one")
         return (stable or found)[-1], p
     if args.state.is_dir():
         from amoeboid.runs.stored import load
@@ -139,8 +152,9 @@ def _state(args: argparse.Namespace) -> tuple[Any, Any]:
         return run.final, run.parameters
     if not args.state.exists():
         raise InvalidInput(
-            f"STATE must be the folder of a run or a surface with vectors (.vtp), there is no "
-            f"{str(args.state)!r}; for a steady state give its parameters with --set"
+            "STATE must be the folder of a run or a surface with vectors (.vtp), got "
+            f"{str(args.state)!r}, which does not exist; for a steady state give its parameters "
+            "with --set"
         )
     from amoeboid.motility.cells import MeasuredCell
 

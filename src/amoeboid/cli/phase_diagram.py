@@ -37,37 +37,53 @@ GAP = 2  # blanks between the speeds and the map
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `phase-diagram`."""
     add_parameters(parser)
-    parser.add_argument("--vary", default="D", metavar="NAME", help="parameter beside v_p0 (D)")
+    parser.add_argument("--vary", default="D", metavar="NAME", help="second parameter (default: D)")
     parser.add_argument(
         "--from",
         dest="low",
         type=number_or_quantity,
         metavar="VALUE",
-        help="its lowest (D: 0.03 beta R0^2)",
+        help="its lowest value (default for D: 0.03 beta R0^2)",
     )
     parser.add_argument(
         "--to",
         dest="high",
         type=number_or_quantity,
         metavar="VALUE",
-        help="its highest (D: 0.6 beta R0^2)",
+        help="its highest value (default for D: 0.6 beta R0^2)",
     )
     parser.add_argument(
         "--speed-from",
         type=number_or_quantity,
         metavar="VALUE",
-        help="lowest v_p0 (3 in the units of the paper's table, elsewhere as far below threshold)",
+        help="lowest v_p0 (default: 3 for the paper's table, in proportion to the threshold for "
+        "other cells)",
     )
     parser.add_argument(
         "--speed-to",
         type=number_or_quantity,
         metavar="VALUE",
-        help="highest v_p0 (8 in the units of the paper's table, elsewhere as far above threshold)",
+        help="highest v_p0 (default: 8 for the paper's table, in proportion to the threshold for "
+        "other cells)",
     )
-    parser.add_argument("--columns", type=whole, default=40, metavar="N", help="values of it (40)")
-    parser.add_argument("--rows", type=whole, default=40, metavar="N", help="values of v_p0 (40)")
-    add_plot(parser)
-    parser.epilog = PLOT_FAILS
+    parser.add_argument(
+        "--columns",
+        type=whole,
+        default=40,
+        metavar="N",
+        help="number of values of the second parameter (default: 40)",
+    )
+    parser.add_argument(
+        "--rows", type=whole, default=40, metavar="N", help="number of values of v_p0 (default: 40)"
+    )
+    add_plot(parser, "the diagram")
+    parser.epilog = (
+        "Letters of the map: . rest, P polarized, b bistable, ! neither is stable, ? "
+        "unresolved.\n"
+        "example:\n"
+        "  amoeboid phase-diagram --columns 10 --rows 10\n"
+        f"{PLOT_FAILS}"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -92,7 +108,7 @@ def execute(args: argparse.Namespace) -> int:
     for problem in diagram.problems:
         tell("phase-diagram", f"incomplete: {problem}")
     if diagram.problems:
-        advice = "smoother states are easier: a larger D or delta_P, a smaller --speed-to"
+        advice = "smoother states are easier to resolve: raise D or delta_P, or lower --speed-to"
         tell("phase-diagram", advice)
     if args.json:
         print_json(_document(diagram))

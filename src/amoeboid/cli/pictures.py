@@ -15,12 +15,12 @@ from amoeboid.extras import check
 from amoeboid.validation import InvalidInput
 
 NO_PICTURE = 1  # exit code: the results are printed, the picture that was asked for is missing
-PLOT_FAILS = "Exit code 1 if the picture of --plot cannot be drawn; results are printed before."
+PLOT_FAILS = "Exit code 1: the picture of --plot could not be drawn (results are printed before)."
 Draw = Callable[[Path], object]
 SUFFIXES = (".png", ".pdf", ".svg")
 
 
-def add_plot(parser: argparse.ArgumentParser, what: str = "it") -> None:
+def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
     """Declare --plot."""
     parser.add_argument("--plot", type=Path, metavar="FILE", help=f"draw {what} (.png .pdf .svg)")
 
@@ -37,7 +37,7 @@ def check_picture(path: Path | None) -> None:
         raise InvalidInput(f"--plot must lie in an existing folder, got {str(path)!r}")
     if not os.access(path.parent, os.W_OK | os.X_OK):
         raise InvalidInput(
-            f"--plot must lie in a folder that can be written to, got {str(path)!r}; choose another"
+            f"--plot must lie in a writable folder, got {str(path)!r}; choose another"
         )
     check("--plot needs", "matplotlib")
 

@@ -39,18 +39,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         type=path,
         metavar="CONFIG.toml",
-        help="sections [parameters] [mesh] [initial] [time] [output] [changes] [cue]; what it "
-        "leaves out keeps its default",
+        help="configuration with sections [parameters] [mesh] [initial] [time] [output] [noise] "
+        "[cue] [environment] [changes]; omitted fields keep their defaults",
     )
     parser.add_argument(
         "-o",
         "--output",
         type=path,
         metavar="DIR",
-        help="folder to write to, new or empty (default: amoeboid-run, or the next free number)",
+        help="new or empty folder for the output (default: amoeboid-run, or amoeboid-run-2, ...)",
     )
     parser.add_argument(
-        "--resume", type=path, metavar="DIR", help="go on with the run in DIR, to a later time.end"
+        "--resume", type=path, metavar="DIR", help="continue the run in DIR to a later time.end"
     )
     parser.add_argument(
         "--until",
@@ -58,22 +58,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="CONDITION",
-        help="also end the run once this holds ('polarity > 0.5', 'c_front < 0.1*c0 and t > 5'); "
-        "repeatable",
+        help="also end the run when this condition holds ('polarity > 0.5', 'c_front < 0.1*c0 "
+        "and t > 5'); repeatable",
     )
     parser.add_argument(
         "--observe",
         action="append",
         default=[],
         metavar="SCRIPT.py:NAME",
-        help="also record this observable of a script of yours, which is executed; repeatable",
+        help="also record this observable, which your script registers (the script is executed); "
+        "repeatable",
     )
     add_settings(parser)
     parser.epilog = (
-        f"fields, their defaults and meanings:\n{field_table()}\n\n"
-        "exit codes: 0 finished, 1 diverged (the last good frame is kept), 2 wrong input,\n"
-        "130 interrupted (go on with --resume); pictures are drawn last, and one that fails is a\n"
-        "message only"
+        "examples:\n"
+        "  amoeboid run -o cell --set D=0.4 --set v_p0=6\n"
+        "  amoeboid run --resume cell --set time.end=300\n\n"
+        f"fields, their defaults and meanings:\n{field_table()}\n"
+        "Automatic values follow from the parameters; rate is the fastest of beta, D/R0^2 and "
+        "v_p(c0)/R0. L, T, M and N are the units of length, time, mass and filament number.\n\n"
+        "exit codes:\n"
+        "  0    finished\n"
+        "  1    diverged; the last good frame is kept\n"
+        "  2    wrong input\n"
+        "  130  interrupted; continue with --resume\n"
+        "Pictures are drawn last. A picture that cannot be drawn gives a message only."
     )
 
 
@@ -161,7 +170,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     config = _until(with_settings(stored_config(args.resume), args.settings), args.until)
     if not has_checkpoint(args.resume):
         run, first = restarted_run(args.resume, config)
-        ended = f"the run in {args.resume} had ended before its first checkpoint: it begins anew"
+        ended = f"the run in {args.resume} had ended before its first checkpoint; it restarts"
         tell("run", ended)
         run.begin()
         return run, first
@@ -170,13 +179,13 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     if done is not None:
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; "
-            f"to go on, --set {remedy}"
+            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; to "
+            f"continue, --set {remedy}"
         )
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
         raise InvalidInput(
-            f"to go on with the run in {str(args.resume)!r} time.end must be > {least:.9g}, got "
+            f"to continue the run in {str(args.resume)!r}, time.end must be > {least:.9g}, got "
             f"{run.config.time.end:.9g}; --set time.end to a later time"
         )
     run.begin()

@@ -23,7 +23,7 @@ def _registered(text: str) -> str:
     if not colon:
         if text.endswith(ENDING):
             raise InvalidInput(
-                f"--observe takes the name of an observable, or SCRIPT.py:NAME, got {text!r}; add "
+                f"--observe takes the name of an observable or SCRIPT.py:NAME, got {text!r}; add "
                 "the name"
             )
         return text
@@ -36,8 +36,8 @@ def _registered(text: str) -> str:
 
     if name not in OBSERVABLES:
         raise InvalidInput(
-            f"{script} must register the observable {name!r} with @amoeboid.observable(dimension), "
-            "it does not"
+            f"{script} must register the observable {name!r} with "
+            "@amoeboid.observable(dimension), but it does not"
         )
     return name
 
@@ -47,7 +47,7 @@ def _run(path: str) -> None:
     """Execute a script, once. Raises InvalidInput in one line, whatever it raises."""
     spec = spec_from_file_location(Path(path).stem, path)
     if spec is None or spec.loader is None or not Path(path).is_file():
-        raise InvalidInput(f"--observe needs a script, {path!r} is no file")
+        raise InvalidInput(f"--observe needs a script, {path!r} is not a file")
     module = module_from_spec(spec)
     sys.path.insert(0, str(Path(path).parent))  # for what stands beside it
     try:
@@ -55,7 +55,8 @@ def _run(path: str) -> None:
     except Exception as error:  # a script may raise anything
         words = " ".join(str(error).split())[:300]
         raise InvalidInput(
-            f"the script {path!r} must run, it raises {type(error).__name__}: {words}"
+            f"the script {path!r} must run without errors, it raised {type(error).__name__}: "
+            f"{words}"
         ) from None
     finally:
         sys.path.remove(str(Path(path).parent))

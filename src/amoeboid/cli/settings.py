@@ -6,7 +6,7 @@ import argparse
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import Field, fields
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.validation import InvalidInput, is_text, rule
 
-ANY_FIELD = " or any other field of the configuration (time.end=50)"
+ANY_FIELD = ", or any other field of the configuration, such as time.end=50"
 
 # nan and inf are numbers that every option refuses with its own range.
 NUMBER = re.compile(r"[+-]?(?:(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|nan|inf)", re.ASCII)
@@ -33,8 +33,8 @@ def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> No
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"change a parameter (D=0.03, law=inverse, 'law=v_p0/(1+(c/c_r)**n)' with "
-        f"law.n=3, 'stress=k*c**2' with stress.k=0.3){others}; repeatable",
+        help="set a parameter: D=0.03, law=inverse, 'law=v_p0/(1+(c/c_r)**n)' with law.n=3, "
+        f"'stress=k*c**2' with stress.k=0.3{others}; repeatable",
     )
     add_json(parser)
 
@@ -42,7 +42,7 @@ def add_settings(parser: argparse.ArgumentParser, others: str = ANY_FIELD) -> No
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Declare --json."""
     parser.add_argument(
-        "--json", action="store_true", help="print one JSON object on standard output, nothing else"
+        "--json", action="store_true", help="print only one JSON object on standard output"
     )
 
 
@@ -67,7 +67,9 @@ def path(text: str) -> Path:
     if not text.strip():
         raise argparse.ArgumentTypeError("a path must not be empty")
     if not is_text(text):
-        raise argparse.ArgumentTypeError(f"a path must be text in UTF-8, got {text!r}; rename it")
+        raise argparse.ArgumentTypeError(
+            f"a path must be UTF-8 text, got {text!r}; rename the file"
+        )
     return Path(text)
 
 
@@ -82,8 +84,8 @@ def add_parameters(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--physical",
         action="store_true",
-        help="start from the paper's cell in physical units; --set then takes a number with its "
-        "unit ('v_p0=2 um/s', 'c_r=8.5 umol/l * 190 nm'), and results are in um/s, 1/s, Pa",
+        help="start from the paper's cell in physical units; --set then needs values with units "
+        "('v_p0=2 um/s', 'c_r=8.5 umol/l * 190 nm'), and results are in um/s, 1/s, Pa, ...",
     )
 
 
@@ -94,8 +96,9 @@ def add_observables(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="also show this observable (polarity, reduced_volume, or SCRIPT.py:NAME for one of a "
-        "script of yours, which is executed); repeatable",
+        help="also show an observable: its name (polarity, reduced_volume, ...), or "
+        "SCRIPT.py:NAME for one that your script registers (the script is executed); "
+        "repeatable",
     )
 
 
@@ -130,8 +133,8 @@ def parameters_from(settings: Sequence[str], physical: bool, base: Parameters) -
         if dot and section not in ("parameters", *RELATIONS):
             with_settings(start, [setting])  # what is no field at all is refused as such
             raise InvalidInput(
-                f"--set takes parameters alone here, got {setting!r}: only `amoeboid run` uses "
-                "it; leave it out"
+                f"--set takes only parameters here, got {setting!r}, which only `amoeboid run` "
+                "uses; leave it out"
             )
     return with_settings(start, settings).parameters
 
@@ -167,6 +170,14 @@ def print_json(result: dict[str, Any]) -> None:
     say(json.dumps(result, allow_nan=False))
 
 
+def _about(f: Field[Any]) -> str:
+    """Meaning, dimension and range of a field; "finite number" and "left out" go without saying."""
+    dimension = f.metadata.get("unit", "")
+    shown = f" [{dimension}]" if dimension not in ("", "1") else ""
+    accepted = rule(f).removesuffix(", or left out").removeprefix("a finite number").strip()
+    return f"{f.metadata['doc']}{shown}{f' ({accepted})' if accepted else ''}"
+
+
 def field_table() -> str:
     """All fields of the configuration with defaults, ranges and meanings, for help texts."""
     rows = []
@@ -181,26 +192,26 @@ def field_table() -> str:
                     value = "automatic" if "automatic" in f.metadata else "none"
                 elif value == ():
                     value = "none"
-                rows.append(f"  {prefix + f.name:24}{value!s:18}{f.metadata['doc']} ({rule(f)})")
+                rows.append(f"  {prefix + f.name:24}{value!s:18}{_about(f)}")
         if section is Parameters:
             rows.append(
                 f"  {'law':24}{'exponential':18}polymerization law: exponential, inverse, "
                 "or an expression in c"
             )
             rows.append(
-                f"  {'stress':24}{'none':18}active isotropic stress beside that of chi and alpha: "
+                f"  {'stress':24}{'none':18}active isotropic stress in addition to chi and alpha: "
                 "none, saturating, or an expression in c"
             )
             rows.append(
-                f"  {'law.NAME, stress.NAME':24}{'':18}parameters of their own, as law.n of "
-                "v_p0/(1+(c/c_r)**n)"
+                f"  {'law.NAME, stress.NAME':24}{'':18}parameters of the law or stress, such as n "
+                "of law=v_p0/(1+(c/c_r)**n)"
             )
     rows.append(
-        f"  {'environment.medium':24}{'cortex':18}where the path of the cell is recorded: fluid, "
-        "matrix, patch:30, channel:30, ... (see `amoeboid motility --help`)"
+        f"  {'environment.medium':24}{'cortex':18}environment in which the path of the cell is "
+        "recorded: fluid, matrix, patch:30, channel:30, ... (see `amoeboid motility --help`)"
     )
     rows.append(
-        f"  {'changes.NAME':24}{'none':18}how a parameter, or cue.strength, changes in time (a "
-        "list of [time, value] for jumps, or {ramp = [[time, value], ...]} for straight lines)"
+        f"  {'changes.NAME':24}{'none':18}time course of a parameter or of cue.strength (a list "
+        f"of [time, value] for jumps, or {{ramp = [[time, value], ...]}} for straight lines)"
     )
     return "\n".join(rows)

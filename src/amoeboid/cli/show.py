@@ -11,18 +11,19 @@ from amoeboid.cli.settings import add_json, path, print_json
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `show`."""
-    parser.add_argument("run", type=path, metavar="RUN", help="the folder of a run")
+    parser.add_argument("run", type=path, metavar="RUN", help="folder of a run")
     parser.add_argument(
         "--plot",
         type=path,
         metavar="FILE",
-        help="file of the picture (.png; default: cell.png in RUN)",
+        help="file for the picture (.png; default: RUN/cell.png)",
     )
     add_json(parser)
     parser.epilog = (
-        "Observables are those at the end. Units are those of the run: um, s, ... where it has\n"
-        "physical parameters. Exit code 1: a part of the run could not be read, or the picture\n"
-        "could not be drawn; the rest is shown."
+        "Observables are those of the last cell. Numbers are in the units of the run: um, s, "
+        "... if its parameters have physical units.\n"
+        "Exit code 1: a part of the run could not be read, or the picture could not be drawn; the "
+        "rest is shown."
     )
 
 

@@ -30,9 +30,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_observables(parser)
     add_plot(parser, "the states")
     parser.epilog = (
-        "Searched: the branches that bifurcate from the homogeneous sphere in l = 1, 2, 3.\n"
-        "c_front and c_rear: the lowest and the highest concentration on the surface.\n"
-        "stable: every perturbation of shape and concentration with m = 0, 1, 2, 3 decays.\n"
+        "The search follows the branches that bifurcate from the homogeneous sphere in l = "
+        "1, 2, 3.\n"
+        "columns:\n"
+        "  c_front, c_rear  lowest and highest concentration on the surface\n"
+        "  stable           whether every perturbation of shape and concentration with m = "
+        "0, 1, 2, 3 decays\n"
+        "example:\n"
+        "  amoeboid steady --set D=0.4 --set v_p0=6\n"
         f"{PLOT_FAILS}"
     )
 

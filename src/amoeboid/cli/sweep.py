@@ -27,7 +27,7 @@ MAX_TOLD = 20
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `sweep`."""
     parser.add_argument(
-        "document", nargs="?", type=Path, metavar="SWEEP.toml", help="what to compute, and where"
+        "document", nargs="?", type=Path, metavar="SWEEP.toml", help="description of the sweep"
     )
     parser.add_argument(
         "-o",
@@ -35,40 +35,49 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="DIR",
         help="folder for the results (default: the name of the file without .toml); the same "
-        "command goes on in it",
+        "command continues an unfinished sweep",
     )
     how = parser.add_mutually_exclusive_group()
-    how.add_argument("--workers", type=whole, metavar="N", help="compute in N processes (1)")
     how.add_argument(
-        "--scheduler", metavar="ADDRESS", help="compute on Dask, as tcp://10.0.0.1:8786"
+        "--workers", type=whole, metavar="N", help="compute in N processes (default: 1)"
+    )
+    how.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        help="compute on a Dask scheduler, such as tcp://10.0.0.1:8786",
     )
     how.add_argument(
         "--shard",
         type=shard,
         metavar="K/N",
-        help="compute part K of N alone, as one job of an array of jobs that share DIR",
+        help="compute only part K of N, as one job of an array of jobs that share DIR",
     )
     how.add_argument(
-        "--merge", type=Path, metavar="DIR", help="write the table of what all shards have computed"
+        "--merge", type=Path, metavar="DIR", help="merge the results of all shards into one table"
     )
     parser.add_argument(
-        "--retry", action="store_true", help="compute points again that failed in an earlier call"
+        "--retry", action="store_true", help="recompute the points that failed in an earlier call"
     )
     parser.add_argument(
-        "--dry-run", action="store_true", help="say how many points there are, and compute none"
+        "--dry-run", action="store_true", help="print the number of points and compute none"
     )
-    add_plot(parser)
-    parser.add_argument("--show", metavar="NAME", help="what --plot draws (max_retrograde_speed)")
+    add_plot(parser, "the results")
+    parser.add_argument(
+        "--show", metavar="NAME", help="quantity that --plot draws (default: max_retrograde_speed)"
+    )
     add_json(parser)
     parser.epilog = (
-        "The file has tables [base] (parameters that stay), [vary] (those that vary: lists, or\n"
-        "{linspace = [4, 8, 41]}, {logspace = [0.01, 1, 20]}), [solver] with name = theory,\n"
-        "steady, branch, simulate or motility, and [record] with names; [sobol] with count and\n"
-        "seed takes random points, [refine] with label and depth refines a grid. See\n"
-        "docs/sweeps.md.\n"
-        "DIR/sweep.nc has all answers with their units, and the status of every point. Points\n"
-        "that fail are named, with the reason; the others are computed.\n"
-        "Exit code 0: finished, also if points failed. 1: --merge found points that are missing.\n"
+        "tables of SWEEP.toml (see docs/sweeps.md):\n"
+        "  [base]    parameters that stay the same\n"
+        "  [vary]    parameters that vary: lists, {linspace = [4, 8, 41]} or {logspace = "
+        "[0.01, 1, 20]}\n"
+        "  [solver]  name = theory, steady, branch, simulate or motility, and its options\n"
+        "  [record]  names = the numbers to keep\n"
+        "  [sobol]   count and seed of random points, instead of a grid\n"
+        "  [refine]  label and depth: refine the grid where the label changes\n"
+        "DIR/sweep.nc holds all results with their units, and the status of every point. A "
+        "point that fails is listed with the reason; the other points are computed.\n"
+        "Exit code 0: finished, also if some points failed. 1: --merge found missing points.\n"
         f"{PLOT_FAILS}"
     )
 
@@ -89,7 +98,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.merge is not None:
         return _merged(args)
     if args.document is None:
-        raise InvalidInput("sweep takes a file SWEEP.toml, or --merge DIR, got neither")
+        raise InvalidInput("sweep needs SWEEP.toml or --merge DIR, got neither; give one")
     if args.workers is not None and args.workers < 1:
         raise InvalidInput(f"--workers must be >= 1, got {args.workers}")
     document = _read(args.document)
@@ -97,7 +106,7 @@ def execute(args: argparse.Namespace) -> int:
         return _counted(args, document)
     folder = args.output or Path(args.document.stem)
     if folder == args.document:
-        raise InvalidInput(f"the folder must not have the name of the file, got {str(folder)!r}")
+        raise InvalidInput(f"the folder must differ from the file, got {str(folder)!r}")
     found = _computed(args, document, folder)
     return _told(args, found, folder)
 
@@ -126,7 +135,9 @@ def _computed(args: argparse.Namespace, document: SweepDocument, folder: Path) -
                 progress=True,
             )
         except KeyboardInterrupt:
-            tell("sweep", f"what is done is kept in {str(folder)!r}; the same command goes on")
+            tell(
+                "sweep", f"finished points are kept in {str(folder)!r}; the same command continues"
+            )
             raise
 
 
@@ -141,7 +152,7 @@ def _executor(scheduler: str | None) -> Iterator[Any]:
         client = distributed.Client(scheduler, timeout=20)
     except (OSError, ValueError, TimeoutError) as error:
         raise InvalidInput(
-            f"--scheduler must be the address of a running scheduler of Dask, got {scheduler!r}: "
+            f"--scheduler must be the address of a running Dask scheduler, got {scheduler!r}: "
             f"{' '.join(str(error).split())}"
         ) from None
     with client:
@@ -168,13 +179,17 @@ def _merged(args: argparse.Namespace) -> int:
     from amoeboid.sweeps.result import load_sweep
 
     if args.document is not None:
-        raise InvalidInput(f"--merge takes the folder alone, got {str(args.document)!r} as well")
+        raise InvalidInput(
+            f"--merge takes only the folder, got {str(args.document)!r} as well; leave it out"
+        )
     found = load_sweep(args.merge)
     found.save(args.merge / TABLE)
     code = _told(args, found, args.merge)
     missing = len(found) - found.done
     if missing:
-        tell("sweep", f"{missing} of {len(found)} points are missing: shards that have not ended")
+        tell(
+            "sweep", f"{missing} of {len(found)} points are missing: some shards have not finished"
+        )
     return code or (FAILURE if missing else 0)
 
 

@@ -22,6 +22,11 @@ ALWAYS = ("thresholds", "max_retrograde_speed")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options of `theory`."""
     add_parameters(parser)
+    parser.epilog = (
+        "examples:\n"
+        "  amoeboid theory --set D=0.4 --set v_p0=6\n"
+        "  amoeboid theory --physical --set 'v_p0=2 um/s'"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:

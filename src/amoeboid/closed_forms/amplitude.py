@@ -64,8 +64,8 @@ class SlavedHarmonic:
         rate = self.rate_at_rest
         if np.any(rate == 0):
             raise InvalidInput(
-                "harmonic 2 or 3 is at its own threshold and does not follow the first one; "
-                "D and beta must not both be 0"
+                "D and beta must not both be 0 here: harmonic 2 or 3 is at its own threshold, so "
+                "it is not slaved to the first one; raise D or beta"
             )
         y = -(source + self.feedback * (self.response * drive + offset)) / rate
         return y, self.response * (self.slope * y + drive) + offset

@@ -63,7 +63,7 @@ def _turning_over(p: AnyPoints) -> Points:
     at = points(p)
     if np.any(at.beta == 0):
         raise InvalidInput(
-            "beta must be > 0 for a dimensionless number, got 0: the paper divides by it; "
-            "use the dimensional quantities"
+            "beta must be > 0 for the dimensionless numbers of the paper, got 0, and they divide "
+            "by it; use the dimensional quantities"
         )
     return at

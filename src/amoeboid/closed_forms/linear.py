@@ -165,8 +165,8 @@ def refuse_surroundings(p: AnyPoints, what: str) -> None:
     given = [n for n in SURROUNDINGS if np.any(getattr(p, n) != 0)]
     if given:
         raise InvalidInput(
-            f"{what} is known without friction and bending alone, got {', '.join(given)} > 0: "
-            "leave them out, or follow the axisymmetric branch (`amoeboid branch`)"
+            f"{what} is available only without friction and bending, got {', '.join(given)} > 0; "
+            "set them to 0, or follow the axisymmetric branch (`amoeboid branch`)"
         )
 
 
@@ -174,14 +174,13 @@ def refuse_nonlinear_friction(p: Points) -> None:
     """Raise InvalidInput for friction beyond what the amplitude equation knows."""
     if np.any((p.gamma_share != 0) & (p.gamma_t + p.gamma_n + p.gamma_c != 0)):
         raise InvalidInput(
-            "the amplitude equation must have friction that is uniform, got gamma_share > 0: set "
-            "gamma_share to 0, or follow the axisymmetric branch (`amoeboid branch`)"
+            "the amplitude equation needs uniform friction, got gamma_share > 0; set gamma_share "
+            "to 0, or follow the axisymmetric branch (`amoeboid branch`)"
         )
     if np.any((p.gamma_c != 0) & np.isfinite(p.delta_P)):
         raise InvalidInput(
-            "the amplitude equation must not have friction of the cortex at a finite delta_P, got "
-            "gamma_c > 0: take infinite_pressure(p), or follow the axisymmetric branch (`amoeboid "
-            "branch`)"
+            "the amplitude equation at finite delta_P needs gamma_c = 0, got gamma_c > 0; use "
+            "infinite_pressure(p), or follow the axisymmetric branch (`amoeboid branch`)"
         )
 
 
@@ -220,6 +219,10 @@ def growth_rate(p: Points, l: ArrayLike) -> Array:
 
     Exact for l = 1; for l >= 2 in the limit delta_P -> infinity. l broadcasts with the parameters.
     Raises InvalidInput unless l is a whole number >= 1.
+
+    >>> import amoeboid as am
+    >>> am.growth_rate(am.points(am.Parameters(D=0.4), v_p0=[5, 7]), l=1).round(4).tolist()
+    [-0.3064, 0.2911]
     """
     L = _degree(l)
     drive = L * flow_response(p, l) * p.c0 * mode_derivatives(p, l, 1)[1] / p.R0
@@ -234,7 +237,9 @@ def critical_slope(p: Points, l: ArrayLike = 1) -> Array:
     c0 = 0.
     """
     if np.any(np.asarray(p.c0) == 0):
-        raise InvalidInput("c0 must be > 0 for a threshold, got 0: there is nothing to advect")
+        raise InvalidInput(
+            "c0 must be > 0 for a threshold, got 0: without filaments nothing is advected"
+        )
     L = _degree(l)
     return -p.R0 * (L * p.D / p.R0**2 + p.beta) / (L * flow_response(p, l) * p.c0)
 
@@ -246,11 +251,15 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
     is proportional to v_p0, otherwise all roots in 16 decades about the natural scale (the lowest
     100 of a law that wiggles forever). The printed `eq_vpc_compress` lacks a factor 1/2
     (docs/errata.md). Raises InvalidInput where the law is not defined at c0.
+
+    >>> import amoeboid as am
+    >>> am.thresholds(am.Parameters(D=0.4)).v_p0.round(5).tolist()
+    [6.02566]
     """
     p = _single(p)
     if p.c0 == 0:
         p.v_p_derivatives(p.c0, 1)
-        return _none("c0 = 0: there are no filaments for the flow to carry")
+        return _none("c0 = 0: there are no filaments that the flow could carry")
     target = float(critical_slope(p, l) - stress_slope(p))
     if proportional_to_speed(p):
         slope = float(_speed_slope(p, l))
@@ -268,9 +277,9 @@ def thresholds(p: AnyPoints, l: int = 1) -> Thresholds:
 def _without_threshold(slope: float, target: float) -> str:
     """Why slope v_p0 = target has no solution v_p0 > 0."""
     if target > 0:
-        return "the isotropic stress alone polarizes the cell, at any v_p0"
+        return "the isotropic stress by itself polarizes the cell at every v_p0"
     if slope >= 0:
-        return "the law does not decrease with c at c0: polymerization stabilizes"
+        return "the law does not decrease with c at c0, so polymerization is stabilizing"
     return "D, beta and the slope of the stress are 0: nothing opposes polarization at any v_p0 > 0"
 
 
@@ -402,8 +411,8 @@ def critical_pressure(p: Points) -> Array:
     pulling = 4 * drive - 2 * push * lever - treadmilling * (decay + push)
     if np.any((resisting <= 0) & (pulling > 0)):
         raise InvalidInput(
-            "mode 2 leads at every pressure with this friction (gamma_t, gamma_n, gamma_c): there "
-            "is no delta_P* above which mode 1 does"
+            "mode 2 goes unstable first at every pressure with this friction (gamma_t, gamma_n, "
+            "gamma_c): there is no delta_P* above which mode 1 does"
         )
     # Without diffusion and turnover the threshold rests on the stress alone; mode 2 never leads.
     held = np.where(
@@ -473,7 +482,9 @@ def _lowest(p: Points, l: int) -> float:
 def _single(p: AnyPoints) -> Points:
     p = points(p)
     if p.shape != ():
-        raise InvalidInput(f"one parameter point is needed here, got points of shape {p.shape}")
+        raise InvalidInput(
+            f"a single parameter point is needed here, got points of shape {p.shape}"
+        )
     return p
 
 
@@ -483,9 +494,7 @@ def _none(reason: str) -> Thresholds:
 
 def _representable(v: Array) -> Array:
     if not np.all(np.isfinite(v)):
-        raise InvalidInput(
-            "the critical v_p0 is beyond double precision; is c0/c_r of a reasonable size?"
-        )
+        raise InvalidInput("the critical v_p0 exceeds double precision; bring c0/c_r nearer to 1")
     return v
 
 

@@ -1,4 +1,4 @@
-"""Competition of filaments for monomers: what the paper reads off an in-vitro experiment.
+"""Competition of filaments for monomers: what the paper infers from an in-vitro experiment.
 
 A comet grows at B exp(-C t) while it uses up the monomers of its microwell, so that its speed is
 proportional to what is left (SI `eq_vp_lit` to `eqRatioInVivo`). Any consistent units;

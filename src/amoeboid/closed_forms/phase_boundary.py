@@ -1,6 +1,6 @@
 """Where the bifurcation changes from supercritical to subcritical: nu = 0 in the (c0, D) plane.
 
-The theory behind figure 2B of the paper: docs/theory.md. All arguments broadcast.
+The theory behind figure 3C of the paper: docs/theory.md. All arguments broadcast.
 """
 
 from __future__ import annotations

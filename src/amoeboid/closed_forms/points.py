@@ -176,8 +176,8 @@ def _refuse_overflow(name: str, result: Any) -> None:
             _refuse_overflow(f"{name}: {f.name}", getattr(result, f.name))
     elif not np.all(np.isfinite(result)):
         raise InvalidInput(
-            f"{name} is beyond double precision at these parameters; "
-            "use units in which they are nearer to 1"
+            f"{name} exceeds double precision at these parameters; use units in which the "
+            "parameters are nearer to 1"
         )
 
 

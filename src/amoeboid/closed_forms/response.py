@@ -1,7 +1,7 @@
 """Linear response of the homogeneous sphere: to a cue v_p(c) (1 + strength cos(theta)), to noise.
 
 Below threshold the sphere is stable, and a weak cue polarizes it in proportion to its strength;
-shot noise of the filaments keeps up a polarization. Derived in docs/theory.md. Results
+shot noise of the filaments maintains a fluctuating polarization. Derived in docs/theory.md. Results
 have the shape that all arguments broadcast to.
 """
 

@@ -1,4 +1,4 @@
-"""What the closed forms say about one parameter point, with reasons where they say nothing."""
+"""What the closed forms say about one parameter point, with the reasons for missing results."""
 
 from __future__ import annotations
 
@@ -127,7 +127,7 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
         return None, [f"no amplitude equation: {error}"]
     notes = []
     if found.v_p0.size > 1:
-        notes.append("this law has several thresholds; nu and the flow belong to the lowest")
+        notes.append("this law has several thresholds; nu and the flow refer to the lowest")
     rigid_nu = float(cubic_coefficient(rigid))
     if kind != rigid_kind:
         notes.append(
@@ -185,13 +185,13 @@ def _first_mode_notes(
     if found.v_p0.size:
         before = f"before mode 1 at {shown(p.quantity(float(found.v_p0[0]), 'L/T'))}"
     notes = [
-        f"mode l = {first.l} goes unstable first, at v_p0 = {own}, {before}: the first "
-        f"state is deformed and {state}, not polarized; `amoeboid steady` computes it"
+        f"mode l = {first.l} goes unstable first, at v_p0 = {own}, {before}: the first state is "
+        f"deformed and {state}, not polarized; `amoeboid steady` computes it"
     ]
     if weakly is not None:
         notes.append(
-            "nu and the bifurcation are those of the polarized branch, which leaves a sphere that "
-            "is unstable already: small perturbations do not follow it"
+            "nu and the bifurcation are those of the polarized branch, which leaves a sphere "
+            "that is already unstable; small perturbations do not follow this branch"
         )
     return notes
 
@@ -221,14 +221,14 @@ def _speed(
         notes = ["the homogeneous state is stable: no flow"]
         if weakly is not None and weakly.state.exists:
             notes.append(
-                "a polarization above the amplitude of the unstable state grows nevertheless"
+                "a polarization larger than that of the unstable state still grows"
                 if weakly.prediction is not None and weakly.prediction.in_reach
                 else "the cubic theory has an unstable polarized state, too far from the threshold "
                 "to be trusted; `amoeboid steady` decides whether the cell has polarized states"
             )
         return 0.0, notes
     if weakly is None:
-        return None, ["the homogeneous state polarizes; the amplitude is beyond this theory"]
+        return None, ["the homogeneous state polarizes; this theory does not give the amplitude"]
     if growing:
         return None, [
             f"{others} of the sphere grow" + "s" * (len(growing) == 1) + " at this pressure and "
@@ -238,13 +238,13 @@ def _speed(
     predicted = weakly.prediction
     if not weakly.state.stable:
         return None, [
-            "the homogeneous state polarizes and the cubic theory has no stable state: it jumps to "
-            "a large amplitude"
+            "the homogeneous state polarizes and the cubic theory has no stable state: it jumps "
+            "to a large amplitude"
         ]
     if predicted is None or weakly.trusted_distance is None:
         return None, [
-            "how far the cubic theory reaches is not known with this friction or bending: "
-            "`amoeboid steady` computes the flow"
+            "the range of the cubic theory is unknown with this friction or bending: `amoeboid "
+            "steady` computes the flow"
         ]
     if not predicted.in_reach:
         return None, [
@@ -258,12 +258,12 @@ def _speed(
 def _trust(predicted: Prediction, times: float) -> list[str]:
     """How far to trust a flow that is predicted, at `times` the trusted distance."""
     if not predicted.next_order.exists:
-        return ["the next order has no such state: do not trust the predicted flow"]
+        return ["the next order has no such state; the predicted flow is not reliable"]
     if times <= 1:
         return []
     error = float(predicted.relative_error)
-    off = f"its speed may be off by {error:.0%}" if error < 1 else "its error is not known"
+    off = f"its speed may be wrong by {error:.0%}" if error < 1 else "its error is unknown"
     return [
-        f"v_p0 is {times:.3g} times farther from the threshold than the cubic theory is good "
-        f"to 10 %: {off}, `amoeboid steady` computes it exactly"
+        f"the cubic theory is accurate to 10 % near the threshold, and v_p0 is {times:.3g} times "
+        f"farther away: {off}; `amoeboid steady` computes it exactly"
     ]

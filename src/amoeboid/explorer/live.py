@@ -46,7 +46,7 @@ FROM_THE_SIDE = (1.0, 0.2, 0.0), 3.0
 
 
 class LiveCell:
-    """A run that goes on, and may be changed.
+    """A run that continues, and may be changed.
 
     `shown_t` is the time that is shown, never behind by more than one step; `pace` the simulated
     time in a second, in units of 1/rate.
@@ -84,7 +84,7 @@ class LiveCell:
                 with one_thread:
                     self._before, self._step = self._step, next_step(self._step, self._time)
             except (Diverged, InvalidInput, ArithmeticError) as error:
-                self.problem = f"the run cannot go on: {error}"
+                self.problem = f"the run cannot continue: {error}"
             if time.monotonic() - began > budget:
                 break
         self.shown_t = min(wanted, self._step.state.t)

@@ -125,6 +125,6 @@ def checked_folder(folder: Any) -> Path:
 
 
 def checked_idle(idle: Any) -> None:
-    """Raise InvalidInput for what is no time to wait for a page."""
+    """Raise InvalidInput for a value that is not a time to wait for a page."""
     if isinstance(idle, bool) or not isinstance(idle, int | float) or not 1.0 <= idle <= 1e6:
         raise InvalidInput(f"idle must be a number of seconds from 1 to 1e6, got {idle!r}")

@@ -242,7 +242,7 @@ class Player:
         self.output.text({"kind": "lines", "text": text})
 
     def _save(self, message: Message) -> None:
-        """Make the run again into a folder, beside the cell that goes on. Raises InvalidInput."""
+        """Make the run again into a folder, beside the cell that continues. Raises InvalidInput."""
         if self._saving is not None and self._saving.is_alive():
             _remove(Path(message["folder"]))
             raise InvalidInput("one run is saved at a time: wait until it is, and save again")

@@ -26,5 +26,5 @@ def named(name: str) -> Format:
     """The format of a name. Raises InvalidInput for an unknown one."""
     from amoeboid.validation import refuse_unknown
 
-    refuse_unknown([name], names(), "format of an export")
+    refuse_unknown([name], names(), "export format")
     return import_module(f"{FORMATS}.{name}").FORMAT

@@ -52,7 +52,7 @@ def export(
         job = Job(run, _name(run), numbers, follow, rate, show or untold)
         if (chosen.frames or frames is not None) and not len(job.numbers):
             raise InvalidInput(
-                f"an export to {name} needs frames, {_chosen(frames, len(run.frames))}"
+                f"an export to {name} needs frames, but {_chosen(frames, len(run.frames))}"
             )
         targets = _targets(chosen, job, name, path)
         _check(run, targets, force)
@@ -77,10 +77,10 @@ def selected(frames: Any, count: int) -> range:
         raise _unknown(frames)
     number = int(chosen)
     if not count:
-        raise InvalidInput(f"a frame must be one of the run, which has none, got {number}")
+        raise InvalidInput(f"a frame must be one of the run, which has no frames, got {number}")
     if not -count <= number < count:
         raise InvalidInput(
-            f"a frame must be a number from 0 to {count - 1}, or from the end -{count} to -1, got "
+            f"a frame must be a number from 0 to {count - 1}, or -{count} to -1 from the end, got "
             f"{number}"
         )
     return every[number % count : number % count + 1]
@@ -108,8 +108,8 @@ def _unknown(frames: Any) -> InvalidInput:
 
 def _chosen(frames: Any, count: int) -> str:
     if not count:
-        return "the run has none"
-    return f"{str(frames)[:60]!r} chooses none of the {count} of the run"
+        return "the run has no frames"
+    return f"{str(frames)[:60]!r} selects none of the {count} frames of the run"
 
 
 def _checked_fps(fps: Any, most: float) -> float:
@@ -128,8 +128,8 @@ def _format_of(path: str | os.PathLike[str] | None) -> str:
     plain = [name for name in found if f".{name}" == ending] or found
     if not plain:
         raise InvalidInput(
-            f"the format must be one of {', '.join(exports.names())}, or the ending of the path "
-            f"must name it, got {'no path' if path is None else repr(str(path))}"
+            f"the format must be one of {', '.join(exports.names())}, or follow from the "
+            f"extension of the path, got {'no path' if path is None else repr(str(path))}"
         )
     return plain[0]
 
@@ -156,14 +156,14 @@ def _targets(
             shown = ", ".join([*list(files)[:2], *(["..."] if len(files) > 2 else [])])
             remedy = "; or choose one frame" if chosen.one_per_frame else ""
             raise InvalidInput(
-                f"an export to {name} is {len(files)} files here ({shown}), and needs the path of "
-                f"a folder, got {str(given)!r}{remedy}"
+                f"an export to {name} consists of {len(files)} files here ({shown}) and needs the "
+                f"path of a folder, got {str(given)!r}{remedy}"
             )
         return dict(zip([given], files.values(), strict=True))
     if given is not None and given.suffix.lower() in _endings() and not given.is_dir():
         raise InvalidInput(
-            f"a file of an export to {name} must end with {chosen.suffix}, and a folder for it "
-            f"must not end as files do, got {str(given)!r}"
+            f"a file of an export to {name} must have the extension {chosen.suffix}, and a folder "
+            f"must have no file extension, got {str(given)!r}"
         )
     if given is None:
         given = Path() if len(files) == 1 else Path(f"{job.name}-{name}")
@@ -184,7 +184,7 @@ def _check(run: Run, targets: Mapping[Path, Write], force: bool) -> None:
         around = next(p for p in target.parents if os.path.lexists(p))
         if not around.is_dir():
             raise InvalidInput(
-                f"an export must be in a folder, {str(around)!r} is a file; choose another path"
+                f"an export must lie in a folder, {str(around)!r} is a file; choose another path"
             )
         if target.is_dir():
             raise InvalidInput(f"an export must be a file, {str(target)!r} is a folder")

@@ -159,5 +159,5 @@ class Format:
         """Raise InvalidInput for options that it does not heed, and for missing packages."""
         for option in options:
             if option not in self.options:
-                raise InvalidInput(f"{option} must be left out for {name}, which does not use it")
+                raise InvalidInput(f"{option} has no effect on {name}; leave it out")
         check(f"an export to {name} needs", *self.packages)

@@ -107,7 +107,9 @@ def table(run: Run) -> list[tuple[str, str]]:
 
 
 def _rows(run: Run, cell: SurfaceCell | None) -> list[tuple[str, str]]:
-    how = run.ended if run.status == "finished" else f"{run.status}: {run.ended or 'no reason'}"
+    how = (
+        run.ended if run.status == "finished" else f"{run.status}: {run.ended or 'reason unknown'}"
+    )
     if run.status in ("running", "unknown"):
         how = run.status
     rows = [("ended", how)]

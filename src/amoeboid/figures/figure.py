@@ -134,7 +134,7 @@ class Figure:
         given = list(np.ravel(np.asarray(ax, dtype=object)))  # also a grid of rows and columns
         if len(given) != count or not all(hasattr(one, "plot") for one in given):
             wanted = "axes of matplotlib" if count == 1 else f"{count} axes of matplotlib"
-            raise InvalidInput(f"ax must be {wanted}, or left out, got {ax!r}")
+            raise InvalidInput(f"ax must be {wanted} or None, got {ax!r}")
         return given
 
     def __repr__(self) -> str:

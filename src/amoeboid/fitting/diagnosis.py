@@ -62,8 +62,8 @@ def _exact(unknowns: tuple[str, ...], direction: Array) -> Combination:
         {name: float(v) for name, v in zip(unknowns, direction, strict=True) if v != 0},
         None,
         True,
-        f"{in_words(unknowns, direction)} changes no datum, whatever the errors: it is a change "
-        "of units; take one of these from elsewhere",
+        f"{in_words(unknowns, direction)} changes no predicted value, because it is a change of "
+        "units; take one of these parameters from another source",
     )
 
 
@@ -83,7 +83,7 @@ def _weak(found: Fit, direction: Array, deviation: float) -> Combination:
     relative = None if np.isinf(deviation) else deviation * abs(float(direction[k]))
     size = "infinite" if relative is None else f"{relative:.2g}"
     opening = f"{unknowns[k]} is not determined by these data (relative s.d. {size})"
-    words = f"{in_words(unknowns, powers)} leaves them within the errors"
+    words = f"{in_words(unknowns, powers)} changes them by less than the errors"
     for factor in (2.0, 0.5):
         step = float(np.log(factor))
         there = profile_point(found.problem, found.point, k, y[k] + step)
@@ -104,31 +104,35 @@ def _of_the_search(found: Fit) -> list[str]:
     texts = []
     if found.found.edge:
         texts.append(
-            "the best fit lies where the polarized state ends (a fold or the threshold): the data "
-            "ask for a cell beyond; standard errors do not hold there"
+            "the best fit lies where the polarized state ends (a fold or the threshold), and the "
+            "data pull it further; standard errors are not valid there"
         )
     elif not found.converged:
-        texts.append("the search did not converge; start nearer, or set fewer parameters free")
+        texts.append(
+            "the search did not converge; start closer to the solution, or free fewer parameters"
+        )
     texts += [f"{name} ended at its bound; widen it or set {name}" for name in found.at_bounds]
     if found.other_minima:
         values = ", ".join(f"{v:.4g}" for v in sorted(set(found.other_minima))[:3])
         texts.append(
-            f"another start ended elsewhere (chi2 = {values}); more starts may find a better "
-            "minimum"
+            f"another start found a different minimum (chi2 = {values}); more starts may find a "
+            "better one"
         )
     if not found.state.stable:
-        texts.append("the state of the best fit is unstable: no cell stays in it")
+        texts.append("the steady state of the best fit is unstable; a cell would leave it")
     return texts
 
 
 def _of_the_data(found: Fit) -> list[str]:
     texts = []
     if any(q.name == "u" and q.values.mean() < 0 for q in found.data):
-        texts.append("u is negative on the average: retrograde flow is positive, front to rear")
+        texts.append(
+            "u is negative on average; retrograde flow, from front to rear, must be positive"
+        )
     if found.errors_estimated:
         texts.append(
             f"errors of {', '.join(found.errors_estimated)} were estimated from the residuals: "
-            "chi2 does not tell whether the model describes these data"
+            "chi2 cannot test whether the model describes these data"
         )
     p_value = found.p_value
     if p_value is not None and p_value < UNLIKELY:
@@ -143,7 +147,7 @@ def _of_the_data(found: Fit) -> list[str]:
         )
     if p_value is None and not found.errors_estimated:
         texts.append(
-            "there are as many unknowns as values: chi2 does not tell whether the model describes "
+            "there are as many unknowns as values: chi2 cannot test whether the model describes "
             "these data"
         )
     texts += _far_values(found)
@@ -155,8 +159,8 @@ def _of_the_data(found: Fit) -> list[str]:
         )
     if found.orientation is not None and found.orientation[1] < HARDLY:
         texts.append(
-            f"the data hardly tell front from rear: chi2 is larger by {found.orientation[1]:.2g} "
-            "the other way round"
+            "the data hardly distinguish front and rear: chi2 is larger by "
+            f"{found.orientation[1]:.2g} with the poles exchanged"
         )
     return texts
 
@@ -177,7 +181,7 @@ def _far_values(found: Fit) -> list[str]:
     others = f" ({more} more by {FAR:g} or more)" if more else ""
     value = f"{q.name} = {q.values[k]:.4g} {q.unit}".rstrip()
     return [
-        f"{value}{theta} is {abs(residuals[k]):.3g} errors from the best fit{others}: look for "
+        f"{value}{theta} is {abs(residuals[k]):.3g} errors from the best fit{others}; look for "
         "outliers"
     ]
 
@@ -209,7 +213,7 @@ def _of_the_errors(found: Fit) -> list[str]:
     large = [name for name, error in found.relative_errors.items() if LARGE < error < np.inf]
     if large:
         texts.append(
-            f"standard errors of {', '.join(large)} are rough, as they are larger than "
+            f"standard errors of {', '.join(large)} are approximate, because they exceed "
             f"{100 * LARGE:g} %; use intervals()"
         )
     for k, (name, error) in enumerate(found.relative_errors.items()):
@@ -218,13 +222,13 @@ def _of_the_errors(found: Fit) -> list[str]:
         around = rises(found.problem, found.point, k)
         if None in around:
             texts.append(
-                f"the polarized state ends within one standard error of {name}, which does not "
-                "hold there; use intervals()"
+                f"the polarized state ends within one standard error of {name}, so this error is "
+                "not valid; use intervals()"
             )
         elif any(not ROUGH[0] < rise < ROUGH[1] for rise in around if rise is not None):
             shown = " and ".join(f"{rise:.2g}" for rise in around)
             texts.append(
-                f"the standard error of {name} is rough: chi2 rises by {shown} there instead of "
-                "1; use intervals()"
+                f"the standard error of {name} is approximate: chi2 rises by {shown} there "
+                "instead of 1; use intervals()"
             )
     return texts

@@ -89,13 +89,13 @@ def _base(data: Measurements, start: Parameters | None) -> Parameters:
     refuse_no_parameters(start)
     if data.physical and start.units is None:
         raise InvalidInput(
-            "start must have units where the data have, got plain numbers; use "
+            "start must have units because the data have, got plain numbers; use "
             "Parameters.physical(...) (--physical)"
         )
     plain = [q.name for q in data if q.dimension and not q.unit and q.dimension != "1"]
     if start.units is not None and plain:
         raise InvalidInput(
-            f"{data.source}: {plain[0]} must have a unit where the parameters have; write it in "
+            f"{data.source}: {plain[0]} must have a unit because the parameters have; write it in "
             f"square brackets in the heading, such as {plain[0]} "
             f"[{'um/s' if plain[0] == 'u' else '1/um^2' if plain[0] == 'c' else '...'}]"
         )
@@ -113,8 +113,8 @@ def _names(p: Parameters, free: Iterable[str]) -> tuple[str, ...]:
             raise InvalidInput(f"free must name each parameter once, got {name} twice")
         if p.value(name) == 0:
             raise InvalidInput(
-                f"a free parameter must not start at 0, {name} does: it is sought as a factor; "
-                f"set {name} in start (--set {name}=...)"
+                f"a free parameter must not start at 0 because it is varied by a factor, {name} "
+                f"does; set {name} in start (--set {name}=...)"
             )
     return names
 
@@ -155,8 +155,8 @@ def _solution(
     with np.errstate(over="ignore"):
         if not np.isfinite(begin.chi2):
             raise InvalidInput(
-                f"{data.source}: values must be within 150 orders of magnitude of what the cell "
-                "predicts, and errors not much smaller; look at the units"
+                f"{data.source}: values must be within 150 orders of magnitude of the "
+                "predictions, and errors not much smaller; check the units"
             )
 
     def shown(iteration: int, point: Point) -> None:
@@ -210,7 +210,7 @@ def _bounds(
         ratios = [value_of(p, name, end, f"bound of {name}") / p.value(name) for end in pair]
         if not 0 < ratios[0] < 1 < ratios[1]:
             raise InvalidInput(
-                f"the bounds of {name} must lie on both sides of its start "
+                f"the bounds of {name} must enclose its start "
                 f"{text(p, p.value(name), p.dimension(name))}, on the same side of 0, got "
                 f"{pair[0]} and {pair[1]}; change the bounds or the start"
             )

@@ -94,7 +94,7 @@ def end(
         else:
             risen = point.chi2 - best.chi2
             if risen < -LOWER:
-                lower = f"another minimum lies there, with chi2 lower by {-risen:.3g}"
+                lower = f"another minimum lies there, with a chi2 lower by {-risen:.3g}"
                 return End(None, STATE_ENDS if edge else lower)
             root = float(np.sqrt(max(risen, 0.0)))
             if abs(root - rise) <= CLOSE * rise:

@@ -128,7 +128,7 @@ def measurements(data: Any, theta_from: str = "front") -> Measurements:
     if not kept:
         raise InvalidInput(
             f"{found.source} must hold a measured quantity (u, c or the name of an observable) "
-            f"with at least one value, it has the columns {', '.join(by_name)}"
+            f"with at least one value, got the columns {', '.join(by_name)}; add one"
         )
     _check_units(found, kept)
     return Measurements(found.source, kept)
@@ -140,7 +140,7 @@ def _known() -> tuple[str, ...]:
 
 def dimension_of(name: str) -> str | None:
     """The dimension of a quantity that can be measured. Raises InvalidInput for another name."""
-    refuse_unknown([name], _known(), "quantity that can be measured")
+    refuse_unknown([name], _known(), "quantity")
     return PROFILES[name] if name in PROFILES else observed.dimension(name)
 
 
@@ -155,8 +155,8 @@ def _columns(found: Table) -> dict[str, Column]:
     doubled = [name for name, count in Counter(names).items() if count > 1]
     if doubled:
         raise InvalidInput(
-            f"{found.source}, {found.top}: each column must have a name of its own, "
-            f"{doubled[0]!r} is there twice; rename or remove one"
+            f"{found.source}, {found.top}: column names must differ, {doubled[0]!r} occurs twice; "
+            "rename or remove one"
         )
     for column in found.columns:
         name = column.name
@@ -167,12 +167,10 @@ def _columns(found: Table) -> dict[str, Column]:
             raise found.problem(None, column.heading, str(error)) from None
         if name not in (THETA, CELL, *known) and (stem in (THETA, CELL) or stem not in names):
             raise found.problem(
-                None, column.heading, f"must stand beside a column {stem!r} of a quantity; add it"
+                None, column.heading, f"needs a column {stem!r} of its quantity; add it"
             )
         if name in PROFILES and THETA not in names:
-            raise found.problem(
-                None, column.heading, "must stand beside a column theta [deg]; add the angles"
-            )
+            raise found.problem(None, column.heading, "needs a column theta [deg]; add the angles")
         if name == THETA and column.unit not in ANGLES:
             raise found.problem(
                 None,
@@ -189,7 +187,7 @@ def _quantity(found: Table, by_name: Mapping[str, Column], name: str, theta_from
     unit = _unit(found, column, name, dimension)
     if errors_of is not None and errors_of.unit != column.unit:
         raise found.problem(
-            None, errors_of.heading, f"must have the unit of {column.heading!r}; write the same"
+            None, errors_of.heading, f"must have the same unit as {column.heading!r}; correct it"
         )
     values, errors, theta, cells = [], [], [], []
     for row in range(len(found.rows)):
@@ -206,8 +204,8 @@ def _quantity(found: Table, by_name: Mapping[str, Column], name: str, theta_from
         raise found.problem(
             None,
             column.heading,
-            f"must stand beside a column {name}{ERROR}: the error of a few "
-            "numbers cannot be estimated from their residuals; add it",
+            f"needs a column {name}{ERROR}, because the error of a few numbers cannot be "
+            "estimated from their residuals; add it",
         )
     return Quantity(
         name,
@@ -227,8 +225,8 @@ def _error(found: Table, column: Column, row: int) -> float:
         raise found.problem(
             row,
             column.heading,
-            f"must be a standard deviation > 0 beside a value, got {got}; "
-            "leave out the whole column if errors are unknown",
+            f"must be a standard deviation > 0 for each value, got {got}; leave out the whole "
+            "column if errors are unknown",
         )
     return error
 
@@ -241,8 +239,8 @@ def _angle(found: Table, column: Column, row: int, theta_from: str) -> float:
         raise found.problem(
             row,
             column.heading,
-            f"must be an angle from 0 to 180 deg beside a value, got {got}; "
-            "fold the other half of the outline onto it",
+            f"must be an angle from 0 to 180 deg for each value, got {got}; reflect the other "
+            "half of the outline onto it",
         )
     theta = min(max(value * size, 0.0), np.pi)
     return np.pi - theta if theta_from == "rear" else theta
@@ -256,12 +254,14 @@ def _unit(found: Table, column: Column, name: str, dimension: str | None) -> str
             raise found.problem(
                 None,
                 column.heading,
-                f"only a profile may be in arbitrary units; give {name} a unit",
+                f"only a profile may be in arbitrary units [a.u.]; give {name} a unit",
             )
         return unit
     if dimension in NO_DIMENSION:
         if unit not in ("", "1"):
-            raise found.problem(None, column.heading, f"{name} has no unit, got {unit!r}; omit it")
+            raise found.problem(
+                None, column.heading, f"{name} is dimensionless, got the unit {unit!r}; omit it"
+            )
         return ""
     if unit:
         try:
@@ -283,7 +283,7 @@ def _check_units(found: Table, quantities: Sequence[Quantity]) -> None:
     plain = [q.name for q in dimensional if not q.unit]
     if plain and len(plain) < len(dimensional):
         raise InvalidInput(
-            f"{found.source}, {found.top}: all quantities must have a unit, or none, {plain[0]!r} "
-            f"has none; write one, such as {plain[0]} "
+            f"{found.source}, {found.top}: either all quantities or none must have a unit, "
+            f"{plain[0]!r} has none; write one, such as {plain[0]} "
             f"[{customary_unit(str(dimension_of(plain[0])))}]"
         )

@@ -50,7 +50,7 @@ class Posterior:
     problems: tuple[str, ...]
 
     def _number(self, name: str) -> tuple[Array, str | None]:
-        refuse_unknown([name], self.names, "unknown of this fit")
+        refuse_unknown([name], self.names, "parameter", "of this fit")
         known = name in self.start.names
         first = self.start.value(name) if known else 1.0
         dimension = self.start.dimension(name) if known else None
@@ -113,8 +113,8 @@ def sampled(
     lost = [n for n, e in zip(unknowns, sensitivity.errors, strict=True) if np.isinf(e)]
     if lost:
         raise InvalidInput(
-            f"every unknown must have an effect on the data, {' and '.join(lost)} can be changed "
-            "without one (see undetermined); set one of them free no longer"
+            f"every free parameter must affect the data, {' and '.join(lost)} can change without "
+            "effect (see undetermined); fix one of them"
         )
     generator = np.random.default_rng(seed)
     evaluations = 0
@@ -164,8 +164,8 @@ def _first_walkers(
         if len(begin) == walkers:
             return np.array(begin)
     raise InvalidInput(
-        "cells around the best fit must have a polarized state, almost none has; set fewer "
-        "parameters free"
+        "cells near the best fit must have a polarized state, almost none has; free fewer "
+        "parameters"
     )
 
 

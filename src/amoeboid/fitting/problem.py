@@ -169,8 +169,8 @@ def targets_of(
             )
             if factor <= 0:
                 raise InvalidInput(
-                    f"{q.name} [a.u.] must be positive where it is predicted to be, the factor "
-                    f"that fits best is {factor:.3g}; count u from front to rear"
+                    f"{q.name} [a.u.] must be positive where the prediction is, the best factor "
+                    f"is {factor:.3g}; take u positive from front to rear"
                 )
             factors.append(float(np.log(factor)))
             names.append(f"factor of {q.name}")

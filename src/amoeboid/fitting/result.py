@@ -162,7 +162,7 @@ class Fit:
         `watch` is called with every value that is tried. Raises InvalidInput for an unknown name
         and a level that is not between 0 and 1.
         """
-        refuse_unknown([name], self.unknowns, "unknown of this fit")
+        refuse_unknown([name], self.unknowns, "parameter", "of this fit")
         if not isinstance(level, float) or not 0 < level < 1:
             raise InvalidInput(f"level must be a number between 0 and 1, got {level!r}")
         if (name, level) not in self._known_intervals:
@@ -313,7 +313,7 @@ class Fit:
         `name`: "u" or "c", the first one if left out. Raises InvalidInput without a profile.
         """
         if not self.profiles:
-            raise InvalidInput("only profiles can be drawn, this fit has none; use to_pandas()")
+            raise InvalidInput("only profiles can be drawn, and this fit has none; use to_pandas()")
         drawn = self.profiles[0] if name is None else name
         self._profile_place(drawn)
         return plotted(self, "fits.draw_profile", ax, name=drawn)

@@ -34,7 +34,7 @@ def polarized_state(p: Parameters, names: tuple[str, ...]) -> FollowedState:
     known = "" if threshold is None else f" (threshold {display.shown(threshold)})"
     raise InvalidInput(
         f"the cell must have a stable polarized steady state, v_p0 = {text(p, p.v_p0, 'L/T')} has "
-        f"none{known}; start a little above the threshold"
+        f"none{known}; choose v_p0 slightly above the threshold"
     )
 
 

@@ -113,13 +113,13 @@ def _of_file(path: Path) -> Table:
         ) from None
     if len(lines) > MAX_ROWS:
         raise InvalidInput(
-            f"{path} must have at most {MAX_ROWS} lines, it has {len(lines)}; average neighboring "
+            f"{path} must have at most {MAX_ROWS} lines, got {len(lines)}; average neighboring "
             "points"
         )
     if len(lines) < 2:
         raise InvalidInput(
             f"{path} must have a line of headings, such as theta [deg],u [um/s],u_error [um/s], "
-            f"and lines of numbers below it, it has {len(lines)} lines"
+            f"and lines of numbers below it, got {len(lines)} lines"
         )
     (top, headings), *rows = lines
     for number, cells in lines:
@@ -144,9 +144,9 @@ def _check_width(path: Path, line: int, cells: Sequence[str], headings: Sequence
             )
     if len(cells) != len(headings):
         raise InvalidInput(
-            f"{path}, line {line}: must have {len(headings)} entries as the headings have, got "
-            f"{len(cells)}; leave the place between two commas empty where nothing was measured, "
-            "and write decimal points"
+            f"{path}, line {line}: must have {len(headings)} entries, as many as there are "
+            f"headings, got {len(cells)}; leave entries without a measurement empty, and write "
+            "decimal points"
         )
 
 

@@ -8,11 +8,10 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.geometry import MIN_QUALITY, area, mesh_quality, volume, volume_centroid
+from amoeboid.meshes.graphs import components
 from amoeboid.meshes.intersections import intersecting_pair
 from amoeboid.validation import InvalidInput
 
@@ -67,9 +66,7 @@ def _close(r: Array, spacing: float) -> Index:
         first = np.full(int(cell.max()) + 1, n)
         np.minimum.at(first, cell, np.arange(n))
         links.append(first[cell])
-    graph = coo_array((np.ones(8 * n), (np.tile(np.arange(n), 8), np.concatenate(links))), (n, n))
-    label = connected_components(graph, directed=False)[1]
-    return np.asarray(label, dtype=np.int64)
+    return components(n, np.tile(np.arange(n), 8), np.concatenate(links))[1]
 
 
 def check_surface(r: Array, faces: Index, name: str) -> None:
@@ -92,7 +89,7 @@ def check_size(r: Array, name: str) -> float:
         raise InvalidInput(f"{name} must have finite coordinates below 1e150, got {largest:g}")
     size = float(np.ptp(r, axis=0).max())
     if not size > 1e-150:
-        raise InvalidInput(f"{name} must be larger than a point, its size is {size:g}")
+        raise InvalidInput(f"{name} must have a size > 0, got {size:g}")
     return size
 
 
@@ -149,8 +146,8 @@ def _check_edges(faces: Index, name: str) -> None:
     directed = np.unique(half_edges[:, 0] * n + half_edges[:, 1])
     if len(directed) < len(half_edges):
         raise Repairable(
-            f"{name} must be consistently oriented, at {len(half_edges) - len(directed)} edges "
-            "one triangle looks out where its neighbor looks in; reorient its triangles"
+            f"{name} must be consistently oriented, at {len(half_edges) - len(directed)} edges a "
+            "triangle is oriented inward and its neighbor outward; reorient the triangles"
         )
 
 
@@ -162,20 +159,17 @@ def _check_nodes(r: Array, faces: Index, name: str) -> None:
     following = np.roll(corner, -1, axis=0).ravel()  # the next corner of the same triangle
     forward, backward = np.argsort(begin * n + end), np.argsort(end * n + begin)
     # the fan continues in the triangle across the edge, whose corner there follows the twin
-    links = (forward, following[backward])
-    graph = coo_array((np.ones(len(begin)), links), shape=(len(begin),) * 2)
-    fans = connected_components(graph, directed=False)[0]
+    fans, _ = components(len(begin), forward, following[backward])
     if fans != n:
         raise InvalidInput(
-            f"{name} must be a manifold: one fan of triangles around every point, got "
-            f"{fans - n} more fans than points; separate the parts that touch in a point"
+            f"{name} must be a manifold: one fan of triangles around every point, got {fans - n} "
+            "more fans than points; separate the parts that touch at a point"
         )
 
 
 def _check_topology(n: int, faces: Index, name: str) -> None:
     begin, end = _half_edges(faces).T
-    graph = coo_array((np.ones(len(begin)), (begin, end)), shape=(n, n))
-    pieces, label = connected_components(graph, directed=False)
+    pieces, label = components(n, begin, end)
     if pieces != 1:
         sizes = np.sort(np.bincount(label[faces[:, 0]], minlength=pieces))[::-1].tolist()
         some = ", ".join(map(str, sizes[:3])) + (", ..." if pieces > 3 else "")
@@ -208,7 +202,7 @@ def check_triangles(r: Array, faces: Index, name: str) -> None:
     if not enclosed > 0:
         raise Repairable(
             f"{name} must be oriented outward (points of a triangle counter-clockwise seen from "
-            "outside), it is inside out; reverse the order of the points in every triangle"
+            "outside), it is oriented inward; reverse the order of the points in every triangle"
         )
 
 

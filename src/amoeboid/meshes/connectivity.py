@@ -7,10 +7,9 @@ from functools import cached_property
 from itertools import combinations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, reverse_cuthill_mckee
 
 from amoeboid.arrays import Array, Index
+from amoeboid.meshes.graphs import components, reverse_cuthill_mckee
 from amoeboid.validation import InvalidInput
 
 
@@ -57,16 +56,17 @@ def connectivity(faces: Index) -> Connectivity:
     faces = np.ascontiguousarray(faces, dtype=np.int64)
     _check_closed(faces)
     n = int(faces.max()) + 1
+    row_start, columns, slots = _pattern(faces, n)
+    return Connectivity(faces=faces, row_start=row_start, columns=columns, slots=slots)
+
+
+def _pattern(faces: Index, n: int) -> tuple[Index, Index, Index]:
+    """The node-to-node pattern of `Connectivity`."""
     rows = np.repeat(faces, 3, axis=1).ravel()
     columns = np.tile(faces, (1, 3)).ravel()
     pairs, slots = np.unique(rows * n + columns, return_inverse=True)
-    row_start = np.searchsorted(pairs, np.arange(n + 1) * n)
-    return Connectivity(
-        faces=faces,
-        row_start=row_start.astype(np.int64),
-        columns=pairs % n,
-        slots=slots.reshape(-1, 3, 3).astype(np.int64),
-    )
+    row_start = np.searchsorted(pairs, np.arange(n + 1) * n).astype(np.int64)
+    return row_start, pairs % n, slots.reshape(-1, 3, 3).astype(np.int64)
 
 
 def _check_closed(faces: Index) -> None:
@@ -83,8 +83,7 @@ def _check_closed(faces: Index) -> None:
             "the surface must be closed and consistently oriented: every edge must belong to two "
             "triangles that run along it in opposite directions"
         )
-    graph = coo_array((np.ones(len(half_edges)), half_edges.T), shape=(n, n)).tocsr()
-    pieces = connected_components(graph, directed=False)[0]
+    pieces, _ = components(n, *half_edges.T)
     if pieces != 1:
         raise InvalidInput(
             f"the surface must be one connected piece with no unused node, got {pieces}"
@@ -144,9 +143,8 @@ def narrow_numbering(faces: Index) -> tuple[Index, Index]:
     Matrices over nodes so numbered have a narrow band; faces are listed along the nodes.
     """
     n = int(faces.max()) + 1
-    i, j = np.repeat(faces, 3, axis=1).ravel(), np.tile(faces, (1, 3)).ravel()
-    graph = coo_array((np.ones(len(i)), (i, j)), shape=(n, n)).tocsr()
-    order = reverse_cuthill_mckee(graph, symmetric_mode=True).astype(np.int64)
+    row_start, columns, _ = _pattern(faces, n)
+    order = reverse_cuthill_mckee(row_start, columns)
     new = np.empty(n, dtype=np.int64)
     new[order] = np.arange(n)
     faces = new[faces]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from amoeboid.arrays import Array, Index
+from amoeboid.arrays import Array, Index, cross
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.numerics.compiled import compiled, nested
 
@@ -186,9 +186,9 @@ def fitted_maxima(nodes, row_start, columns, r, normals, values):  # type: ignor
 
 def _in_tangent_plane(x: Array, normals: Array) -> Array:
     """Coordinates (n, m, 2) of x (n, m, 3) in the planes of n normals, in units of their spread."""
-    first = np.cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
+    first = cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
     first /= np.sqrt(np.einsum("ni,ni->n", first, first))[:, None]
-    axes = np.stack([first, np.cross(normals, first)], axis=2)
+    axes = np.stack([first, cross(normals, first)], axis=2)
     plane = x @ axes
     return np.asarray(plane / np.abs(plane).max(axis=(1, 2), keepdims=True))
 

@@ -105,9 +105,9 @@ def _data(path: str, field: str) -> bytes:
                 data = file.read(MAX_FILE_SIZE + 1)
             if len(data) <= MAX_FILE_SIZE:
                 return data
-            found = f"it is larger than {MAX_FILE_SIZE >> 20} MiB, export it with fewer triangles"
+            found = f"it is larger than {MAX_FILE_SIZE >> 20} MiB; export it with fewer triangles"
         else:
-            found = "it is no regular file" if Path(path).exists() else "there is none"
+            found = "it is not a regular file" if Path(path).exists() else "there is none"
     except OSError as error:
         found = str(error.strerror)
     raise InvalidInput(f"{field} must be a readable file, got {path!r}: {found}")
@@ -123,7 +123,7 @@ def _check_beginning(data: bytes, kind: str) -> None:
     begin = data.removeprefix(BYTE_ORDER_MARK).lstrip()[:16].split()
     other = BEGINNINGS.get(begin[0], kind) if begin else kind
     if other != kind and not (other == "stl" and kind == "obj"):
-        raise Unreadable(f"it begins as a file of type .{other}; if it is one, rename it")
+        raise Unreadable(f"it begins like a file of type .{other}; rename it if it is one")
 
 
 def _own_vtp(data: bytes) -> dict[str, NDArray]:
@@ -150,7 +150,7 @@ def _own_vtp(data: bytes) -> dict[str, NDArray]:
 def _vtp(path: str) -> dict[str, NDArray]:
     """The arrays that the process of VTK leaves in a file. Raises Unreadable."""
     check("a surface as .vtp, of another program or damaged, needs", "vtkmodules")
-    damaged = Unreadable("it is damaged or of another type; export it anew")
+    damaged = Unreadable("it is damaged or of another type; export it again")
     with tempfile.TemporaryDirectory(prefix="amoeboid-") as folder:
         answer = Path(folder) / "surface.npz"
         command = [sys.executable, "-P", vtk_process.__file__]

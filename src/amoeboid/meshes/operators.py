@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-from scipy.sparse import bsr_array, csr_array
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import Geometry
 from amoeboid.numerics.compiled import compiled
+
+if TYPE_CHECKING:
+    from scipy.sparse import bsr_array, csr_array
 
 
 def stiffness(g: Geometry, mesh: Connectivity) -> Array:
@@ -202,9 +206,13 @@ def _block_product(blocks, row_start, columns, v):  # type: ignore[no-untyped-de
 
 def block_matrix(blocks: Array, mesh: Connectivity) -> bsr_array:
     """The (3V, 3V) matrix of blocks given on the pattern of `mesh`."""
+    from scipy.sparse import bsr_array  # not for every run that imports this
+
     return bsr_array((blocks, mesh.columns, mesh.row_start), shape=(3 * mesh.n_nodes,) * 2)
 
 
 def scalar_matrix(entries: Array, mesh: Connectivity) -> csr_array:
     """The (V, V) matrix of entries given on the pattern of `mesh`."""
+    from scipy.sparse import csr_array
+
     return csr_array((entries, mesh.columns, mesh.row_start), shape=(mesh.n_nodes,) * 2)

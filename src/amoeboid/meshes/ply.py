@@ -79,7 +79,7 @@ def _header(data: bytes) -> tuple[str | None, list[Element], bytes]:
     end = data.find(b"end_header", 0, MAX_HEADER)
     rest = data.find(line_end, end)
     if begin is None or end < 0 or rest < 0:
-        raise Unreadable("its header has no beginning or no end; export it anew")
+        raise Unreadable("its header has no beginning or no end; export it again")
     order, elements = None, []
     for line in data[begin.end() : end].split(line_end):
         match line.decode(errors="replace").split():
@@ -106,8 +106,8 @@ def _known(elements: Sequence[Element], *kinds: str) -> bool:
 
 def _cut_off(element: Element) -> Unreadable:
     return Unreadable(
-        f"it ends before the {element.count} elements {element.name!r} that it announces; "
-        "export it anew"
+        f"it ends before the {element.count} elements {element.name!r} that it announces; export "
+        "it again"
     )
 
 

@@ -63,7 +63,7 @@ def _not_a_number(word: bytes) -> str:
     shown = repr(word[:40].decode(errors="replace"))
     if b"," in word and _is_number(word.replace(b",", b".", 1)):
         return f"{shown} has a decimal comma; export it with decimal points"
-    return f"{shown} stands where a number must be"
+    return f"{shown} is in the place of a number"
 
 
 def triangulated(polygons: Polygons) -> Index:

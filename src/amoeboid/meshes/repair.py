@@ -7,8 +7,6 @@ because the intended surface is not known; `checks.check_surface` rejects them.
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.checks import (
@@ -30,6 +28,7 @@ from amoeboid.meshes.geometry import (
     triangle_quality,
     volume,
 )
+from amoeboid.meshes.graphs import components
 from amoeboid.meshes.relaxation import relaxation
 from amoeboid.meshes.remeshing import POOR_QUALITY, distortion, swept
 from amoeboid.numerics.compiled import compiled, nested
@@ -73,7 +72,7 @@ def repaired(
     x = (r - center) / unit
     if volume(x, faces) < 0:
         faces = faces[:, ::-1]
-        changes = (*changes, "turned all triangles round, the surface was inside out")
+        changes = (*changes, "reversed all triangles, which were oriented inward")
     new, faces, remeshed = _uniform(x, np.ascontiguousarray(faces), n_nodes, name)
     return r if new is x else center + unit * new, faces, (*changes, *remeshed)
 
@@ -88,7 +87,7 @@ def _cleaned(r: Array, faces: Index) -> tuple[Array, Index, list[str]]:
     once[first] = True
     kept = proper & once
     if not np.all(kept) and np.any(kept):
-        changes.append(f"removed {np.sum(~kept)} triangles without area, or there twice")
+        changes.append(f"removed {np.sum(~kept)} triangles without area or listed twice")
         faces = faces[kept]
     used, which = np.unique(faces, return_inverse=True)
     if len(used) < len(r):
@@ -111,9 +110,8 @@ def _oriented(r: Array, faces: Index) -> tuple[Index, list[str]]:
     opposed = tails[a] == tails[b]
     here, there = face[a], face[b] + count * opposed
     mirrored_here, mirrored_there = here + count, face[b] + count * ~opposed
-    links = (np.concatenate([here, mirrored_here]), np.concatenate([there, mirrored_there]))
-    graph = coo_array((np.ones(2 * len(a)), links), shape=(2 * count, 2 * count))
-    label = connected_components(graph, directed=False)[1]
+    begin, end = np.concatenate([here, mirrored_here]), np.concatenate([there, mirrored_there])
+    label = components(2 * count, begin, end)[1]
     as_is, turned = label[:count], label[count:]
     if np.any(as_is == turned):
         return faces, []  # one-sided
@@ -125,7 +123,7 @@ def _oriented(r: Array, faces: Index) -> tuple[Index, list[str]]:
     if not turns.any():
         return faces, []
     faces = np.where(turns[:, None], faces[:, ::-1], faces)
-    return faces, [f"turned {turns.sum()} triangles round, to look out where their neighbors do"]
+    return faces, [f"reversed {turns.sum()} triangles, to match the orientation of their neighbors"]
 
 
 def _uniform(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, Index, list[str]]:
@@ -142,7 +140,7 @@ def _uniform(r: Array, faces: Index, n_nodes: int, name: str) -> tuple[Array, In
         check_triangles(fine, fine_faces, name)
     except Repairable as problem:
         raise InvalidInput(
-            f"{problem}: initial.repair cannot, its triangles may cross or fold"
+            f"{problem}: initial.repair cannot do this, as its triangles may cross or fold"
         ) from None
     n_nodes = int(min(max(n_nodes, MIN_NODES * SPREAD), MAX_NODES / SPREAD))
     wanted = equilateral_edge_length(area(fine, fine_faces), 2 * n_nodes - 4) * np.sqrt(EXCESS)

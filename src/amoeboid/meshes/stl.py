@@ -36,10 +36,12 @@ def read_stl(data: bytes) -> Polygons:
     room, over = divmod(len(data) - HEADER, TRIANGLE.itemsize)
     if over == 0 and room > 0:
         raise Unreadable(
-            f"no triangles were found in it where they must be: its header announces {announced}, "
-            f"it is as long as for {room}; export it anew"
+            f"its header announces {announced} triangles, and its length fits {room}; export it "
+            "again"
         )
-    raise Unreadable("no triangles were found in it: it is cut off, or no STL file; export it anew")
+    raise Unreadable(
+        "no triangles were found in it: it is truncated, or not an STL file; export it again"
+    )
 
 
 def _binary(data: bytes, count: int) -> Polygons:
@@ -58,7 +60,7 @@ def _text(data: bytes) -> Polygons:
     if not words == len(points) == 3 * loops:
         raise Unreadable(
             f"its {loops} facets must have three vertices each, it has {words} vertices, "
-            f"{len(points)} of them with three coordinates; it is cut off, export it anew"
+            f"{len(points)} of them with three coordinates; it is truncated; export it again"
         )
     if loops == 0:
         raise Unreadable("no triangles were found in it")

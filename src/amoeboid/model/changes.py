@@ -56,8 +56,8 @@ class Change(ABC):
     def written(self) -> Any:
         """What a TOML file holds. Raises InvalidInput for a change that no file can hold."""
         raise InvalidInput(
-            f"a change that is written to a file must be {CHANGE_RULE.partition(', or')[0]}; "
-            f"{self!r} is known to Python alone: run it without a folder"
+            f"a change that is written to a file must be {CHANGE_RULE.partition(', or')[0]}, got "
+            f"{self!r}, which exists only in Python; run it without a folder"
         )
 
 
@@ -154,13 +154,13 @@ class Smooth(Change):
             value = float(self.f(min(t, self.until)))
         except Exception as error:  # a user's function may raise anything
             raise InvalidInput(
-                f"the function {_name(self.f)} must give a number, at t = {t:g} it raised "
+                f"the function {_name(self.f)} must return a number; at t = {t:g} it raised "
                 f"{type(error).__name__}: {error}"
             ) from error
         if not math.isfinite(value):
             raise InvalidInput(
-                f"the function {_name(self.f)} must give a finite number, at t = {t:g} it gave "
-                f"{value}"
+                f"the function {_name(self.f)} must return a finite number; at t = {t:g} it "
+                f"returned {value}"
             )
         return value
 
@@ -196,7 +196,7 @@ def ramp(*points: tuple[float, float]) -> Ramp:
 def smooth(f: Callable[[float], float], until: float = math.inf) -> Smooth:
     """A parameter that follows a smooth function f of time [T], constant from `until` on.
 
-    Raises InvalidInput for what is no function.
+    Raises InvalidInput for a value that is not a function.
 
     >>> smooth(lambda t: 6.0 / (1.0 + t), until=5.0).at(7.0, since=6.5, given=3.8)
     1.0
@@ -234,11 +234,11 @@ class Changes(Mapping[str, Change]):
         for name, found in _flat(given or {}).items():
             if name in FIXED:
                 raise InvalidInput(
-                    f"changes may name any parameter but {name}, got {name}: it sets the area that "
-                    "the membrane keeps; change delta_P or the viscosities instead"
+                    f"changes may name any parameter except {name}, got {name}, which sets the "
+                    "conserved membrane area; change delta_P or the viscosities instead"
                 )
             if not _of_a_relation(name):
-                refuse_unknown([name], CHANGEABLE, "parameter that can change")
+                refuse_unknown([name], CHANGEABLE, "parameter", "in changes")
             try:
                 self._changes[name] = change(found)
             except InvalidInput as error:

@@ -144,9 +144,9 @@ class Relation(ABC):
             raise
         except Exception as error:
             raise InvalidInput(
-                f"the {self.noun} {self.name!r} must be made of arithmetic and functions of NumPy "
-                f"to be computed for many cells side by side ({error}); write np.where for "
-                "branches, or solve for the cells one by one"
+                f"the {self.noun} {self.name!r} must consist of arithmetic and NumPy functions "
+                f"for many cells at once ({error}); use np.where for branches, or solve for the "
+                "cells one by one"
             ) from error
         return found.derivatives() if isinstance(found, Taylor) else [found, *[0.0] * order]
 
@@ -161,8 +161,8 @@ class Relation(ABC):
             if any(map(np.iscomplexobj, (c, *others, *self.own.values()))):
                 raise self._without_derivatives(error) from error
             raise InvalidInput(
-                f"the {self.noun} {self.name!r} must take an array of concentrations, it raises "
-                f"{type(error).__name__}: {error}; np.where and np.vectorize make it do so"
+                f"the {self.noun} {self.name!r} must accept an array of concentrations, it raised "
+                f"{type(error).__name__}: {error}; use np.where or np.vectorize"
             ) from error
 
     def _series_at(self, c: Any, others: list[Any], order: int) -> Taylor:
@@ -179,9 +179,9 @@ class Relation(ABC):
     def _without_derivatives(self, error: Exception) -> NoDerivatives:
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         return NoDerivatives(
-            f"the {self.noun} {self.name!r} must have derivatives here, it has values only "
-            f"({reason[:200]}): write it in arithmetic and functions of NumPy such as np.exp, "
-            "without branches and tables; 3D runs take it as it is"
+            f"the {self.noun} {self.name!r} must have derivatives here, it has only values "
+            f"({reason[:200]}); write it with arithmetic and NumPy functions such as np.exp, "
+            "without branches and tables; 3D runs accept it as it is"
         )
 
     def _finite(self, k: int, found: Any, c: Any, shape: tuple[int, ...], *, real: bool) -> Array:

@@ -56,11 +56,14 @@ class Cue:
     __repr__ = short_repr
 
     strength: float = number(
-        0.0, "cue: v_p(c) (1 + strength cos(theta)), theta the angle to its direction", ge=-1, le=1
+        0.0,
+        "strength of the cue, v_p(c) (1 + strength cos(theta)), theta the angle to cue.direction",
+        ge=-1,
+        le=1,
     )
     direction: tuple[float, float, float] = vector((0.0, 0.0, 1.0), "direction of the cue")
     pokes: tuple[tuple[float, ...], ...] = rows(
-        "local cues that pass, v_p times 1 + strength near a direction",
+        "transient local cues: v_p is multiplied by 1 + strength near a direction",
         POKE_RULE,
         lambda found: _pokes(found),
     )
@@ -100,8 +103,8 @@ def written_cue(cue: Any) -> dict[str, Any]:
     """What a TOML file holds of a cue. Raises InvalidInput for one that no file can hold."""
     if not isinstance(cue, Cue):
         raise InvalidInput(
-            f"a cue that is written to a file must be a Cue, {type(cue).__name__} is known to "
-            "Python alone: run it without a folder"
+            f"a cue that is written to a file must be a Cue, got {type(cue).__name__}, which "
+            "exists only in Python; run it without a folder"
         )
     return asdict(cue)
 
@@ -121,7 +124,7 @@ def factor_of(cue: Any, directions: Array, t: float) -> Array:
     if found.shape != (len(directions),) or not np.isfinite(found).all():
         raise InvalidInput(
             f"the factor of a cue must be one finite number for each of the {len(directions)} "
-            f"directions, {type(cue).__name__} gave {str(found)[:60]} of shape {found.shape}"
+            f"directions, {type(cue).__name__} returned {str(found)[:60]} of shape {found.shape}"
         )
     return found
 

@@ -33,8 +33,8 @@ class Inputs:
             )
         if CUE_STRENGTH in self.changes and not isinstance(self.cue, Cue):
             raise InvalidInput(
-                f"changes.{CUE_STRENGTH} needs a Cue, got {self.cue!r}; let the cue's own factor "
-                "depend on time"
+                f"changes.{CUE_STRENGTH} needs a Cue, got {self.cue!r}; make the factor of your "
+                "cue depend on time"
             )
         times = [0.0, *self.breaks]
         for begin, end in zip(times, [*times[1:], times[-1]], strict=True):

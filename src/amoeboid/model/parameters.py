@@ -172,10 +172,14 @@ class Parameters(Material):
     alpha: float = number(0.0, "elastic resistance per filament", "M L^2/(T^2 N)", ge=0)
     chi: float = number(0.0, "contractility per filament", "M L^2/(T^2 N)", ge=0)
     kappa: float = number(0.0, "bending stiffness of the membrane", "M L^2/T^2", ge=0)
-    gamma_t: float = number(0.0, "friction of the surface along itself", "M/(L^2 T)", ge=0)
-    gamma_n: float = number(0.0, "friction of the surface along its normal", "M/(L^2 T)", ge=0)
-    gamma_c: float = number(0.0, "friction of the cortex, isotropic", "M/(L^2 T)", ge=0)
-    gamma_share: float = number(0.0, "share of the friction proportional to c", ge=0, le=1)
+    gamma_t: float = number(
+        0.0, "friction coefficient of the surface, tangential", "M/(L^2 T)", ge=0
+    )
+    gamma_n: float = number(0.0, "friction coefficient of the surface, normal", "M/(L^2 T)", ge=0)
+    gamma_c: float = number(0.0, "friction coefficient of the cortex, isotropic", "M/(L^2 T)", ge=0)
+    gamma_share: float = number(
+        0.0, "fraction of the friction that is proportional to c", ge=0, le=1
+    )
     law: LawField = LawField()  # a Law, its name or expression, or a Python function
     stress: StressField = StressField()  # the same, a Stress
     units: Units | None = field(default=None, compare=False, repr=False)
@@ -292,7 +296,8 @@ class Parameters(Material):
             )
         if max(rates) == 0.0:
             raise InvalidInput(
-                "nothing would ever change: one of beta, D and v_p(c0) must be > 0, all are 0"
+                "one of beta, D and v_p(c0) must be > 0, all are 0, so nothing would ever "
+                "change; raise one"
             )
         if not SLOWEST <= max(rates) <= FASTEST:
             raise InvalidInput(
@@ -422,7 +427,7 @@ def _own_number(name: str, value: Any, units: Units, spec: Any, named: Mapping[s
     if dimension is None:
         raise InvalidInput(
             f"{name} must be a number in the units of the cell (R0, 1/beta, eta_s, c_r R0^2), "
-            f"got {value!r}: its dimension is not known"
+            f"because its dimension is unknown, got {value!r}"
         )
     return measured(name, value, dimension, EXAMPLES[dimension]) / units.of(dimension)
 
@@ -433,7 +438,7 @@ def _own_units(si: Mapping[str, float]) -> Units:
     elif si["D"] > 0:
         time = si["R0"] * si["R0"] / si["D"]
     else:
-        raise InvalidInput("beta and D must not both be 0: one of them sets the unit of time")
+        raise InvalidInput("beta or D must be > 0 to set the unit of time, both are 0; raise one")
     return Units(
         length=si["R0"],
         time=time,
@@ -443,7 +448,7 @@ def _own_units(si: Mapping[str, float]) -> Units:
 
 
 def refuse_no_parameters(found: Any) -> None:
-    """Raise InvalidInput for what is no Parameters, telling where its parameters may be."""
+    """Raise InvalidInput for anything but Parameters, and tell where its parameters may be."""
     if not isinstance(found, Parameters):
         own = isinstance(getattr(found, "parameters", None), Parameters)
         remedy = "; give its .parameters" if own else ""
@@ -462,6 +467,10 @@ def parameters_to_toml(p: Parameters) -> str:
     """The parameters as TOML text; `parameters_from_toml` reads them back equal.
 
     Raises InvalidInput for a law or a stress that a text cannot hold.
+
+    >>> p = Parameters(D=0.4)
+    >>> parameters_from_toml(parameters_to_toml(p)) == p
+    True
     """
     refuse_unwritable_relations(p)
     return toml_text(p.as_dict())

@@ -49,8 +49,8 @@ class WithOwnValues(Relation):
         for name in needed:
             if name not in own:
                 raise InvalidInput(
-                    f"the {self.noun} {self.name!r} must have a value of {name!r}, got none; it "
-                    f"may use {', '.join(self.symbols)}, pi and parameters of its own: give "
+                    f"the {self.noun} {self.name!r} needs a value of {name!r}, got none; it may "
+                    f"use {', '.join(self.symbols)}, pi and its own parameters; set "
                     f"{self.noun}.{name}, as in --set {self.noun}.{name}=2, or correct the name"
                 )
         values = {name: float(v) for name, v in self.checked_own(own).items()}
@@ -198,11 +198,11 @@ def _of_class(kind: type[AnyRelation], word: str, own: Mapping[str, Any]) -> Any
         declared = {f.name: f for f in fields(kind) if f.init}
     if not declared:
         kind().refuse_unknown_own(own)
-    refuse_unknown(own, declared, f"parameter of the {kind.noun} {word!r}")
+    refuse_unknown(own, declared, "parameter", f"of the {kind.noun} {word!r}")
     for name, f in declared.items():
         if name not in own and f.default is MISSING and f.default_factory is MISSING:
             raise InvalidInput(
-                f"the {kind.noun} {word!r} must have a value of {name!r}, got none; give "
+                f"the {kind.noun} {word!r} needs a value of {name!r}, got none; set "
                 f"{kind.noun}.{name}, as in --set {kind.noun}.{name}=2"
             )
     return kind(**own)
@@ -216,7 +216,7 @@ def refuse_unwritable(found: Relation, read: Callable[[str, Mapping[str, Any]], 
         back = None
     if back != found:
         raise InvalidInput(
-            f"a {found.noun} that is written to a file must be a named one or an expression in "
-            f"c, {type(found).__name__} with the name {found.name!r} would not be read back; give "
-            f"it as an expression, or list its class among the named ones"
+            f"a {found.noun} that is written to a file must be a named one or an expression in c, "
+            f"got {type(found).__name__} with the name {found.name!r}, which could not be read "
+            "back; write it as an expression, or list its class among the named ones"
         )

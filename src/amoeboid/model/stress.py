@@ -80,8 +80,8 @@ class Saturating(Stress):
     0.3
     """
 
-    chi: float = number(0.0, "contractility per filament where filaments are few", CONTRACTILITY)
-    c_s: float = number(1.0, "concentration at which half of it is left", "N/L^2", gt=0)
+    chi: float = number(0.0, "contractility per filament at low concentration", CONTRACTILITY)
+    c_s: float = number(1.0, "concentration at which half of it remains", "N/L^2", gt=0)
     name = "saturating"
 
     def __post_init__(self) -> None:

@@ -81,8 +81,8 @@ class Units:
             size = 0.0
         if not 0.0 < size < math.inf:
             raise InvalidInput(
-                f"a unit of {dimension} must be within double precision, it is not with a length "
-                f"of {self.length:g}, a time of {self.time:g} and a mass of {self.mass:g}; choose "
+                f"a unit of {dimension} must be within double precision, got one from a length of "
+                f"{self.length:g}, a time of {self.time:g} and a mass of {self.mass:g}; choose "
                 "other units"
             )
         return size
@@ -168,7 +168,7 @@ def magnitude(quantity: Any, unit: str) -> float:
 def _parsed(name: str, value: Any, example: str) -> Any:
     """A quantity of our registry, with a finite magnitude. Raises InvalidInput."""
     pint = needed("pint", QUANTITIES)
-    why = "it is neither a text nor a quantity of pint"
+    why = "it has no unit"
     found: Any = None
     try:
         if isinstance(value, pint.Quantity):
@@ -176,7 +176,8 @@ def _parsed(name: str, value: Any, example: str) -> Any:
         elif isinstance(value, str):
             text = " ".join(value.translate(_SIGNS).split())
             why = (
-                _misread(text) or "it has an unknown unit, or cannot be computed; a square is um^2"
+                _misread(text)
+                or "its unit is unknown, or it cannot be computed; write squares as um^2"
             )
             found = None if _misread(text) else _registry().parse_expression(text)
             found = _registry().Quantity(found) if isinstance(found, int | float) else found
@@ -215,14 +216,14 @@ def _stray(rest: str) -> str:
         return "write a decimal point, not a comma, and nothing between thousands"
     if rest[0] in "^*":
         return "powers must be whole numbers of one digit; write 1e-12, not 10^-12"
-    return f"{rest[0]!r} has no meaning in it; leave it out"
+    return f"{rest[0]!r} has no meaning in a quantity; leave it out"
 
 
 def _misplaced(kind: str, before: str) -> str:
     if kind == "number":
-        return "numbers stand side by side; write one, or * between them"
+        return "two numbers follow each other; write one, or * between them"
     if kind == "unit":
-        return "a number must come first; write 1 for a single unit"
+        return "the number is missing; write 1 for a single unit"
     if kind == "sign":
         return "write one number, not a sum or a range"
     return "it ends early" if kind == "end" else "operators or brackets are misplaced"

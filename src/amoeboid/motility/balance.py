@@ -80,8 +80,8 @@ def motion(surface: Surroundable, environment: Environment) -> Motion:
     drags, ways = np.linalg.eigh(scaled @ resistance @ scaled.T)
     if not drags.size or not drags[-1] > 0.0:
         raise InvalidInput(
-            "an environment must resist a motion of the cell, this one resists none; give it a "
-            "drag, or mix it with another"
+            "an environment must resist the motion of the cell, this one does not; give it a "
+            "drag, or combine it with another"
         )
     kept = drags > MIN_DRAG * drags[-1]
     basis = ways[:, kept].T @ scaled
@@ -120,7 +120,7 @@ def joint(parts: tuple[Environment, ...], surface: Surroundable) -> tuple[Array,
         if found.shape != (WAYS, WAYS) or not np.isfinite(found).all():
             raise InvalidInput(
                 f"the dissipation of an environment must be a matrix ({WAYS}, {WAYS}) of finite "
-                f"numbers, {type(part).__name__} gave shape {found.shape}"
+                f"numbers, {type(part).__name__} returned shape {found.shape}"
             )
         power += felt[:, None] * found * felt
         free = part.free(surface)

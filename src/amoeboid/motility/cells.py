@@ -6,12 +6,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy import sparse
-from scipy.sparse.csgraph import connected_components
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.files import surface_file
 from amoeboid.meshes.geometry import geometry, normal_part, volume, volume_centroid
+from amoeboid.meshes.graphs import components
 from amoeboid.model.units import measured
 from amoeboid.motility.revolved import RevolvedSurface
 from amoeboid.motility.surfaces import Surroundable, front_of
@@ -95,12 +94,12 @@ class MeasuredCell:
         if flow.shape != r.shape:
             raise InvalidInput(
                 f"flow must have a vector for each of the {len(r)} nodes, got {len(flow)}; "
-                "take vectors of triangles to the nodes, as their mean over those around a node"
+                "average vectors on triangles over the triangles around each node"
             )
         faces = np.ascontiguousarray(faces, dtype=np.int64)
         _check_closed(r, faces)
         if (self.length is None) != (self.time is None):
-            raise InvalidInput("length and time must be given both, or neither")
+            raise InvalidInput("length and time must be given together; give both or neither")
         if self.length is not None and self.time is not None:
             measured("length", f"1 {self.length}", "L", "um")
             measured("time", f"1 {self.time}", "T", "min")
@@ -189,7 +188,7 @@ def _vectors(name: str, given: Any) -> Array:
     if unknown.size:
         raise InvalidInput(
             f"{name} must be finite, it is not at {len(unknown)} of {len(found)} nodes, the first "
-            f"is {unknown[0]}; fill it in from the nodes around"
+            f"is {unknown[0]}; interpolate it from the neighboring nodes"
         )
     return found
 
@@ -200,15 +199,18 @@ def _check_closed(r: Array, faces: Index) -> None:
     there = set(map(tuple, edges.tolist()))
     if len(there) != len(edges) or any((b, a) not in there for a, b in there):
         raise InvalidInput(
-            "a measured surface must be closed, with triangles that all look outward; close it, "
+            "a measured surface must be closed, with all triangles oriented outward; close it, "
             "or save it as a file and open that with amoeboid.Surface(..., repair=True)"
         )
     if len(np.unique(faces)) != len(r):
-        raise InvalidInput("every node of a measured surface must belong to a triangle; drop it")
+        raise InvalidInput(
+            "every node of a measured surface must belong to a triangle; remove the others"
+        )
     if not volume(r, faces) > 0.0:
-        raise InvalidInput("the triangles of a measured surface must look outward; turn them")
-    links = sparse.coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])))
-    pieces = connected_components(links, directed=False)[0]
+        raise InvalidInput(
+            "the triangles of a measured surface must be oriented outward; reverse them"
+        )
+    pieces, _ = components(len(r), *edges.T)
     if pieces > 1:
         raise InvalidInput(
             f"a measured surface must be one cell, this one has {pieces} pieces; keep one of them"
@@ -219,7 +221,7 @@ def _check_closed(r: Array, faces: Index) -> None:
     small = np.flatnonzero(areas < MIN_FACE * areas.mean())
     if small.size:
         raise InvalidInput(
-            f"the triangles of a measured surface must have an area, {small.size} of them have "
-            f"none, the first is {small[0]}; save it as a file and open that with "
+            f"the triangles of a measured surface must have areas > 0, {small.size} of them have "
+            f"area 0, the first is {small[0]}; save it as a file and open that with "
             "amoeboid.Surface(..., repair=True)"
         )

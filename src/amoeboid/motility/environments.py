@@ -112,8 +112,8 @@ def _number(label: str, given: Any, about: Any, units: Units | None) -> float:
         given = 1.0 if given is None else given
         if isinstance(given, bool) or not isinstance(given, int | float | np.number):
             raise InvalidInput(
-                f"{label} must be a number here, got {given!r}; quantities with units need a cell "
-                "with units, as of Parameters.physical (--physical)"
+                f"{label} must be a plain number, got {given!r}; quantities with units need a "
+                "cell with units, from Parameters.physical (--physical)"
             )
         value = float(given)
     else:
@@ -144,7 +144,8 @@ def _check_share(share: Any) -> None:
     number = isinstance(share, int | float | np.number) and not isinstance(share, bool)
     if not number or not 0.0 <= share <= 1.0:
         raise InvalidInput(
-            f"coupled must be a share of the surface from 0 to 1, got {share!r}; 1 couples all"
+            f"coupled must be a fraction of the surface from 0 to 1, got {share!r}; 1 couples all "
+            "of it"
         )
 
 
@@ -204,7 +205,9 @@ class Matrix(Environment):
         tangential = convert("matrix.tangential", self.tangential, about, units)
         normal = convert("matrix.normal", given, about, units)
         if tangential == 0.0 == normal:
-            raise InvalidInput("a matrix must drag somehow, got tangential = normal = 0")
+            raise InvalidInput(
+                "a matrix must have some drag, got tangential = normal = 0; raise one of them"
+            )
         return replace(self, tangential=tangential, normal=normal)
 
     def dissipation(self, surface: Surroundable) -> Array:
@@ -238,8 +241,8 @@ class CortexDrag(Environment):
         """The flow of the cortex alone. Raises InvalidInput where it is not known."""
         if not surface.has_cortex:
             raise InvalidInput(
-                "the environment 'cortex' needs the flow of the cortex, which is not known of a "
-                "measured surface; take another, such as 'fluid' or 'matrix'"
+                "the environment 'cortex' needs the flow of the cortex, which is unknown for a "
+                "measured surface; use another, such as 'fluid' or 'matrix'"
             )
         return np.array([0.0, 0.0, self.coupled])
 
@@ -308,8 +311,8 @@ class Patch(Contact):
         size = float(np.linalg.norm(across))
         if size < 0.1 * float(np.linalg.norm(axis)):
             raise InvalidInput(
-                f"{self.name}.axis must lie across the polarity of the cell, {surface.front} "
-                f"towards the front, got {self.axis}"
+                f"{self.name}.axis must not be parallel to the polarity of the cell, "
+                f"{surface.front} towards the front, got {self.axis}"
             )
         return np.asarray(across / size)
 

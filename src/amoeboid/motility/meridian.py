@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from amoeboid.arrays import Array
 from amoeboid.motility.ring_kernels import RingIntegrals, double_layer, single_layer
@@ -120,6 +119,8 @@ class StokesBody:
 
     def tractions(self, velocities: Array, m: int) -> Array:
         """Those of velocities (k, 3, n) of order m with no flow inside, or of rigid motions."""
+        from scipy.linalg import lu_solve  # not for every run that imports this
+
         lu, bases, weight = self._factored(m)
         rows = np.swapaxes(velocities, 0, 2)  # (n, 3, k)
         if m == 0:
@@ -174,6 +175,8 @@ class StokesBody:
         return {}
 
     def _assembled(self, m: int) -> tuple[list, list[Array], Array]:
+        from scipy.linalg import lu_factor
+
         kernel = single_layer(self._rings, m) * (self._elements / (8.0 * np.pi))
         sines, cosines = self._modes(self._sources[1])
         fields = [sines, sines, cosines] if m == 0 else [cosines, cosines, sines]

@@ -9,7 +9,6 @@ Source: Pozrikidis, *Boundary integral and singularity methods* (1992), sections
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import ellipe, ellipkm1
 
 from amoeboid.arrays import Array
 
@@ -42,6 +41,8 @@ class RingIntegrals:
 
     def _elliptic(self, a: Array) -> dict[tuple[int, int], Array]:
         """Integrals (k, 0) of |d|^-k for k = -3, -1, 1, 3, 5."""
+        from scipy.special import ellipe, ellipkm1  # not for every run that imports this
+
         b, gap = self._twice, self._gap
         root = np.sqrt(a + b)
         complement = gap / (a + b)

@@ -8,7 +8,6 @@ from it; on others it is by Gauss points, more of them nearby.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lu_factor, lu_solve
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.geometry import geometry
@@ -42,6 +41,8 @@ class StokesSurface:
     """Tractions on a closed surface of nodes r (V, 3) that moves in a fluid of viscosity 1."""
 
     def __init__(self, r: Array, faces: Index) -> None:
+        from scipy.linalg import lu_factor  # not for every run that imports this
+
         self.r, self.faces, self.geometry = r, faces, geometry(r, faces)
         size = np.sqrt(self.geometry.area / (4.0 * np.pi))
         rays = np.polynomial.legendre.leggauss(RAYS)
@@ -53,6 +54,8 @@ class StokesSurface:
 
     def tractions(self, velocities: Array) -> Array:
         """Those (k, V, 3) of velocities (k, V, 3) with no flow inside, of rigid motions."""
+        from scipy.linalg import lu_solve
+
         rows = velocities.reshape(len(velocities), -1)
         found = lu_solve(self._factors, rows.T, check_finite=False).T
         return -np.ascontiguousarray(found).reshape(velocities.shape)

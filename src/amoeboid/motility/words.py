@@ -58,8 +58,8 @@ def written(given: Environment) -> str:
         if ENVIRONMENTS.get(part.name) is not type(part):
             raise InvalidInput(
                 "an environment that is written to a file must be one of "
-                f"{', '.join(ENVIRONMENTS)}, {type(part).__name__} is known to Python alone: run "
-                "it without a folder"
+                f"{', '.join(ENVIRONMENTS)}, got {type(part).__name__}, which exists only in "
+                "Python; run it without a folder"
             )
         values = ((f.name, getattr(part, f.name), f.default) for f in fields(part))
         first = FIRST_FIELD[part.name]

@@ -132,7 +132,7 @@ def _next(here: Point, step: float, options: Options) -> tuple[Point, float]:
             return there, step
         step /= 2
     raise Stalled(
-        f"no step from parameter = {here.parameter:.10g} succeeds, down to the length "
+        f"no step from parameter = {here.parameter:.10g} succeeds, down to a length of "
         f"{options.min_step:g}"
     )
 

@@ -25,7 +25,8 @@ def dispatcher(kernel: Callable[..., Any], options: dict[str, bool]) -> Any:
     compile_one = made.compile
 
     def compile_or_load(signature: Any) -> Any:
-        with global_compiler_lock, kept.turn:
+        # numba imports its own functions when it first compiles, and those are compiled, too
+        with global_compiler_lock, kept.turn, _compilation():
             return compile_one(signature)
 
     made.compile = compile_or_load
@@ -103,16 +104,16 @@ def _loaded(name: str, target: Any) -> Any:
 def _say_damaged(folder: str, error: Exception) -> None:
     _say_once(
         folder,
-        f"kernels kept in {folder!r} cannot be read ({_words(error)}); they are compiled anew, and "
-        "kept if that is possible",
+        f"kernels kept in {folder!r} cannot be read ({_words(error)}); they are compiled again, "
+        "and stored if possible",
     )
 
 
 def _say_unkept(folder: str, why: str) -> None:
     _say_once(
         folder,
-        f"compiled kernels cannot be kept in {folder!r} ({why}); they are compiled in every "
-        "program: set NUMBA_CACHE_DIR to a folder with room for them",
+        f"compiled kernels cannot be stored in {folder!r} ({why}), so every program compiles "
+        "them; set NUMBA_CACHE_DIR to a writable folder with free space",
     )
 
 

@@ -1,10 +1,11 @@
 """Where compiled kernels lie, so that they are compiled once: by the build, or once a machine.
 
 A file holds one kernel for one signature, as numba stores it, behind a hash of its content. Its
-name is a hash of all that the machine code depends on (`kernel_identity`, signature, versions of
-numba, llvmlite and Python, platform), so that nothing in it can be out of date. Files are renamed
-into place, never changed. The file PROCESSOR of a folder names the instructions that its kernels
-use: a processor that lacks one of them does not load any.
+bitcode, which other kernels that call it are compiled with, is parsed only then. The name of a file
+is a hash of all that the machine code depends on (`kernel_identity`, signature, versions of numba,
+llvmlite and Python, platform), so that nothing in it can be out of date. Files are renamed into
+place, never changed. The file PROCESSOR of a folder names the instructions that its kernels use: a
+processor that lacks one of them does not load any.
 
 What lies there is executed. A folder of kernels is therefore used only if it belongs to this user,
 or to root, and nobody else can write to it. The hash tells damage, it does not protect.
@@ -23,11 +24,12 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import cache
+from functools import cache, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from llvmlite.binding import parse_assembly, parse_bitcode
 from numba.core import config
 from numba.core.compiler import CompileResult
 from numba.core.runtime import rtsys
@@ -37,6 +39,7 @@ from amoeboid.locks import FileLock, TakenError
 from amoeboid.terminal import Line, progress_line
 
 BUILT = Path(__file__).parents[1] / "built_kernels"  # those that came with the package
+FORMAT = 2  # of the files
 PROCESSOR, LOCK = "PROCESSOR", "lock"
 MAX_VERSIONS = 16  # of one kernel in the folder of the user; the oldest are removed
 MAX_WAIT = 300.0  # seconds for another program that compiles
@@ -91,7 +94,8 @@ def _runs(where: Path) -> bool:
 def name_of(kernel: str, identity: str, signature: Any, target: Any) -> str:
     """The name of the file of a kernel for a signature."""
     triple = target.codegen().magic_tuple()[0]
-    depends_on = (identity, str(signature), triple, sys.implementation.cache_tag, *_versions())
+    program = (FORMAT, sys.implementation.cache_tag, *_versions())
+    depends_on = (identity, str(signature), triple, *program)
     return f"{kernel.replace('<locals>', '')}-{_short(repr(depends_on))}.kernel"
 
 
@@ -119,7 +123,22 @@ def load(where: Path, name: str, target: Any) -> Any:
     if hashlib.sha256(data[_HASH:]).digest() != data[:_HASH]:
         raise ValueError("a file is damaged")
     rtsys.initialize(target)  # what the kernels allocate arrays by
-    return CompileResult._rebuild(target, *pickle.loads(data[_HASH:]))  # noqa: S301  (our own)
+    (library, *rest), bitcode = pickle.loads(data[_HASH:])  # noqa: S301  (our own)
+    found = CompileResult._rebuild(target, library, *rest)
+    # else numba would link the names
+    found.library._shared_module = None
+    found.library._get_module_for_linking = cache(partial(parse_bitcode, bitcode))
+    return found
+
+
+def _parts(kernel: Any) -> tuple[Any, bytes]:
+    """What numba stores of a kernel, with the names of its entries for its bitcode; and that."""
+    (name, kind, (machine_code, bitcode)), *rest = kernel._reduce()
+    described = kernel.fndesc
+    entries = {described.llvm_func_name, described.llvm_cpython_wrapper_name}
+    there = [f.name for f in kernel.library.get_defined_functions() if f.name in entries]
+    names = "\n".join(f'define void @"{entry}"() {{ ret void }}' for entry in there)
+    return ((name, kind, (machine_code, parse_assembly(names).as_bitcode())), *rest), bitcode
 
 
 def refuse_foreign(where: Path) -> None:
@@ -144,7 +163,7 @@ def made_folder() -> Path:
 
 def save(name: str, kernel: Any) -> None:
     """Keep a kernel in the folder of the user. Raises OSError."""
-    data = dumps(kernel._reduce())
+    data = dumps(_parts(kernel))
     where = made_folder()
     if not (where / PROCESSOR).exists():
         _write(where / PROCESSOR, processor().encode())
@@ -196,7 +215,7 @@ class _Turn:
     def waits(self) -> Iterator[None]:
         """Pauses until it is this program's turn, and one more: look for the kernel in each.
 
-        Who goes on after the last compiles it.
+        Who continues after the last compiles it.
         """
         if self._lock is None:
             with suppress(OSError):  # no folder
@@ -212,7 +231,7 @@ class _Turn:
         self._show("compiling the numerical kernels, once on this machine", str(self._count))
 
     def _locked(self) -> bool:
-        """Whether to go on: it is this program's turn, or there are no locks here.
+        """Whether to continue: it is this program's turn, or there are no locks here.
 
         Programs that start together then compile the same kernels.
         """

@@ -51,7 +51,7 @@ class Recycling:
             x += share * direction
             residual -= share * image
         if not np.linalg.norm(residual) <= allowed:
-            raise NoConvergence("linear equations were not solved to the tolerance")
+            raise NoConvergence("the linear solver did not reach its tolerance")
         return x
 
     def _new(self, residual: Array) -> tuple[Array, Array]:
@@ -66,7 +66,7 @@ class Recycling:
         direction -= shares @ self._directions[: self._kept]
         length = np.linalg.norm(image)
         if not length > MIN_INDEPENDENT * size:
-            raise NoConvergence("the linear equations have no solution that the map can reach")
+            raise NoConvergence("the linear equations have no solution in the range of the map")
         direction, image = direction / length, image / length
         place = self._place()
         self._directions[place], self._images[place] = direction, image

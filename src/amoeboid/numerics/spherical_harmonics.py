@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import sph_harm_y
 
 from amoeboid.arrays import Array
 
@@ -21,14 +20,23 @@ def real_harmonic(degree: int, order: int, directions: ArrayLike) -> Array:
     array([ 1. , -0.5])
     """
     l, m = degree, order  # noqa: E741
-    x, y, z = np.moveaxis(np.asarray(directions, dtype=float), -1, 0)
-    theta, phi = np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)
-    if m == 0:
-        values = sph_harm_y(l, 0, theta, phi).real
-    else:
-        wave = sph_harm_y(l, abs(m), theta, phi)
-        values = np.sqrt(2.0) * (-1.0) ** m * (wave.real if m > 0 else wave.imag)
-    somewhere = (x != 0) | (y != 0) | (z != 0)
-    return np.asarray(
-        np.where(somewhere | (l == 0), np.sqrt(4 * np.pi / (2 * l + 1)) * values, 0.0)
-    )
+    vectors = np.asarray(directions, dtype=float)
+    largest = np.abs(vectors).max(axis=-1, keepdims=True)  # its square may be too small a number
+    vectors = vectors / np.where(largest > 0, largest, 1.0)
+    distance = np.linalg.norm(vectors, axis=-1)
+    x, y, z = np.moveaxis(vectors, -1, 0) / np.where(distance > 0, distance, 1.0)
+    wave = (x + 1j * y) ** abs(m)  # sin(theta)^|m| exp(i |m| phi)
+    values = _polynomial(l, abs(m), z) * (wave.imag if m < 0 else wave.real)
+    return np.asarray(np.where((distance > 0) | (l == 0), values, 0.0))
+
+
+def _polynomial(l: int, m: int, z: Array) -> Array:  # noqa: E741
+    """C_lm over sin(theta)^m cos(m phi) at z = cos(theta): three terms upwards from l = m."""
+    k = np.arange(1, m + 1)
+    before, values = np.zeros_like(z), np.full_like(z, np.sqrt(np.prod((2 * k - 1) / (2 * k))))
+    if m > 0:
+        values *= np.sqrt(2.0)
+    for n in range(m + 1, l + 1):
+        below = np.sqrt((n - 1) ** 2 - m**2) * before
+        before, values = values, ((2 * n - 1) * z * values - below) / np.sqrt(n**2 - m**2)
+    return values

@@ -43,10 +43,10 @@ class Traced(NDArrayOperatorsMixin):
 
     def __array__(self, dtype: Any = None, copy: Any = None) -> Any:
         """Raises NotTraceable."""
-        raise NotTraceable("an array is made of it, whose numbers are not known yet")
+        raise NotTraceable("it is converted to an array before its values are known")
 
     def __bool__(self) -> bool:
-        raise NotTraceable("it branches on numbers that are not known yet; use np.where")
+        raise NotTraceable("it branches on values before they are known; use np.where")
 
     __float__ = __int__ = __index__ = __bool__
 

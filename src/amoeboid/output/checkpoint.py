@@ -1,4 +1,4 @@
-"""The checkpoint of a run: all that it goes on from, bit for bit.
+"""The checkpoint of a run: all that it continues from, bit for bit.
 
 NumPy arrays, never pickled objects. A file may be damaged or made up: what is read must be a step
 that this program could have written, or it is refused.
@@ -91,6 +91,7 @@ class CheckpointFile:
     ) -> None:
         self.path, self.given, self.schedule = path, given, schedule
         self._series, self._frames = series, frames
+        self._written = config_to_toml(given)
 
     def due(self, step: Step) -> bool:
         """Whether a checkpoint is due."""
@@ -100,7 +101,7 @@ class CheckpointFile:
         """Write the rows, and the checkpoint."""
         self._series.flush()
         checkpoint = Checkpoint(self.given, step, self._frames.times)
-        write_atomically(self.path, lambda p: write_checkpoint(p, checkpoint))
+        write_atomically(self.path, lambda p: _write(p, checkpoint, self._written))
         self.schedule.latest = step.state.t
 
     def finish(self, step: Step) -> None:
@@ -110,9 +111,13 @@ class CheckpointFile:
 
 def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
     """Write a checkpoint; `read_checkpoint` reads it back with the same bits."""
+    _write(path, checkpoint, config_to_toml(checkpoint.config))
+
+
+def _write(path: Path, checkpoint: Checkpoint, config: str) -> None:
     step = checkpoint.step
     arrays = {
-        "config": np.array(config_to_toml(checkpoint.config)),
+        "config": np.array(config),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
         "rest_known": np.array([step.rest is not None, step.growth is not None]),
@@ -159,7 +164,9 @@ def read_checkpoint(path: Path) -> Checkpoint:
     output = resolved(config).output
     due = Schedule(output.interval, output.times, latest).due(t)
     _require(
-        not due, "frames must have been written as they were due", f"none at {due[0] if due else t}"
+        not due,
+        "frames must have been written when they were due",
+        f"none at {due[0] if due else t}",
     )
     return Checkpoint(config, step, frame_times)
 
@@ -174,7 +181,7 @@ def _arrays(path: Path) -> dict[str, Array]:
     with path.open("rb") as file:
         begins = file.read(len(ARCHIVE)) == ARCHIVE
     if not begins or not is_zipfile(path):
-        raise InvalidInput("its checkpoint is no archive of arrays (.npz)")
+        raise InvalidInput("its checkpoint is not an archive of arrays (.npz)")
     try:
         with ZipFile(path) as archive:
             there = set(archive.namelist())
@@ -191,7 +198,7 @@ def _array(archive: ZipFile, name: str) -> Array:
     """An array of an archive. Room is made for what the file holds, not for what it announces."""
     size = archive.getinfo(name).file_size
     if size > MAX_ARRAY:
-        raise ValueError(f"{name} must have at most {MAX_ARRAY} bytes, it announces {size}")
+        raise ValueError(f"{name} must have at most {MAX_ARRAY} bytes, it declares {size}")
     data = io.BytesIO(archive.read(name))
     version = np.lib.format.read_magic(data)
     if version != (1, 0):
@@ -239,7 +246,11 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
     _require(next_dt > 0, "the length of the next step must be > 0", next_dt)
     _require(rate >= 0, "the rate of change must be >= 0", rate)
     rest = _rest(arrays)
-    _require(rest is None or rest.since <= history[0].t, "a rest must begin before now", rest)
+    _require(
+        rest is None or rest.since <= history[0].t,
+        "a state of rest must begin before the current time",
+        rest,
+    )
     tried = arrays["tried"] if arrays["tried_known"] else None
     return Step(number, model, history, flow, next_dt, rejected, rate, rest, tried=tried)
 
@@ -247,7 +258,7 @@ def _step(config: Config, arrays: dict[str, Array]) -> Step:
 def _rest(arrays: dict[str, Array]) -> Rest | None:
     resting, growth_known = (bool(x) for x in arrays["rest_known"])
     since, rate, error = (float(x) for x in arrays["rest"])
-    _require(resting or not growth_known, "growth is only known of a cell at rest", rate)
+    _require(resting or not growth_known, "a growth rate requires a cell at rest", rate)
     _require(error >= 0, "the error of a growth rate must be >= 0", error)
     growth = Growth(rate, error) if growth_known else Growth(None)
     return Rest(since, replace(growth, problem=str(arrays["rest_problem"]))) if resting else None
@@ -318,8 +329,8 @@ def _check_shape(model: Model, history: tuple[State, ...]) -> None:
             abs(ratio - 1.0) <= MAX_AREA_ERROR, "areas must be 4 pi R0^2", f"{ratio:g} times that"
         )
         enclosed = volume(state.r, faces)
-        _require(enclosed > 0, "triangles must look outward, volume > 0", f"{enclosed:g}")
+        _require(enclosed > 0, "triangles must be oriented outward, volume > 0", f"{enclosed:g}")
     try:
         check_step(model, earlier[0] if earlier else now, now)
     except StepFailed as error:
-        raise InvalidInput(f"its checkpoint must hold a cell in order: {error}") from None
+        raise InvalidInput(f"its checkpoint must hold a valid cell: {error}") from None

@@ -6,7 +6,7 @@
     timeseries.csv       one row an accepted step, of the explicit scheme one a frame
     frames.pvd           the frames with their times; open it in ParaView
     frames/*.vtp         surface, concentration and velocities; also for pyvista.read
-    checkpoint.npz       what `--resume` goes on from
+    checkpoint.npz       what `--resume` continues from
     .lock                while a process writes to the folder, see `amoeboid.output.lock`
 
 Files are written under a temporary name and renamed, so that a killed run leaves none of them
@@ -24,6 +24,7 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +127,7 @@ class RunFolder:
         """
         frames = within(self.folder, "frames")
         if frames.exists() and not frames.is_dir():
-            raise InvalidInput(f"{str(frames)!r} must be a folder, or not be there; remove it")
+            raise InvalidInput(f"{str(frames)!r} must be a folder or not exist; remove it")
         self._lock.take()
         remove_partial(self.folder)
         write_text(self.folder / "config.toml", config_to_toml(self.given))
@@ -154,7 +155,7 @@ class RunFolder:
     @contextmanager
     def failure_recorded(self) -> Iterator[None]:
         """Note in the manifest that something has ended the run (a full disk, an observable that
-        raises), if that is still possible; the exception goes on."""
+        raises), if that is still possible; the exception continues."""
         try:
             yield
         except BaseException as error:
@@ -166,6 +167,10 @@ class RunFolder:
             raise
         finally:
             self._lock.release()
+
+    @cached_property
+    def _versions(self) -> dict[str, str]:
+        return installed_versions()
 
     def write_manifest(self, status: str, **more: Any) -> None:
         """Write manifest.json; `status` is running, finished, interrupted, diverged or failed.
@@ -186,7 +191,7 @@ class RunFolder:
             "units": self.units,
             **({} if sizes is None else {"unit_sizes": asdict(sizes)}),
             "seed": self.config.initial.seed,
-            "versions": installed_versions(),
+            "versions": self._versions,
             "python": platform.python_version(),
             "platform": platform.platform(),
             **listed,
@@ -212,7 +217,7 @@ def new_folder(requested: Path | None) -> Path:
     try:
         requested.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InvalidInput(f"the output folder cannot be made: {error}") from None
+        raise InvalidInput(f"the output folder cannot be created: {error}") from None
     return requested
 
 
@@ -224,7 +229,7 @@ def _numbered_folder() -> Path:
         except FileExistsError:
             continue
         except OSError as error:
-            raise InvalidInput(f"the output folder cannot be made: {error}") from None
+            raise InvalidInput(f"the output folder cannot be created: {error}") from None
         break
     return Path(name)
 
@@ -312,7 +317,7 @@ def resumed_run(
     writers: Iterable[Any] = (),
     observe: Iterable[str] | None = None,
 ) -> tuple[RunFolder, Step]:
-    """A stored run, ready to go on, and the step it stopped at; writes nothing.
+    """A stored run, ready to continue, and the step it stopped at; writes nothing.
 
     Raises InvalidInput if it cannot be read, or if `config` is not the one it was made with.
     """
@@ -416,6 +421,6 @@ def _refuse_changes(made_with: Config, wanted: Config) -> None:
             was, is_ = before.get(name), now.get(name)
             if was != is_:
                 raise InvalidInput(
-                    f"--resume keeps [{section}] as it was, {name} = {was}, got {is_}; only "
-                    "time.* and output.* may change, start a new run for the rest"
+                    f"--resume keeps [{section}] unchanged, {name} = {was}, got {is_}; only "
+                    "time.* and output.* may change; start a new run for other changes"
                 )

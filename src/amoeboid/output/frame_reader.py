@@ -46,7 +46,7 @@ def read_frame(path: Path, p: Parameters, inputs: Inputs | None = None) -> Frame
         return _frame(vtp_arrays(data), p, inputs)
     except UNREADABLE as error:
         raise InvalidInput(
-            f"the frame {str(path)!r} must be one that a run has written: {error}"
+            f"the frame {str(path)!r} must be a frame that a run has written: {error}"
         ) from None
 
 
@@ -63,7 +63,7 @@ def _frame(arrays: dict[str, Array], p: Parameters, inputs: Inputs | None) -> Fr
         raise ValueError("its time and concentrations must be >= 0")
     faces: Index = arrays["connectivity"].reshape(-1, 3)
     if faces.dtype.kind != "i" or faces.min() != 0 or faces.max() != len(c) - 1:
-        raise ValueError("its triangles must be on its points")
+        raise ValueError("its triangles must refer to its points")
     model = Model(p, connectivity(faces)).driven(inputs)
     since = max((jump for jump in model.breaks if jump < t), default=0.0)
     model = model.at(t, since)
@@ -83,7 +83,7 @@ def _numbers(arrays: dict[str, Array], name: str, shape: tuple[int, ...]) -> Arr
 def _check_cell(
     model: Model, r: Array, c: Array, velocities: tuple[Array, ...], normals: Array
 ) -> None:
-    """Raise ValueError for what is no cell of these parameters, or is absurd."""
+    """Raise ValueError for a value that is not a cell of these parameters, or is absurd."""
     p = model.parameters
     if np.abs(r).max() > MAX_EXTENT * p.R0:
         raise ValueError(f"its points must lie within {MAX_EXTENT:g} R0")
@@ -95,9 +95,9 @@ def _check_cell(
             f"{enclosed:g}"
         )
     if node_areas(r, faces).min() <= 0.0:
-        raise ValueError("its points must have areas > 0")
+        raise ValueError("the areas of its points must be > 0")
     if np.abs(np.einsum("vi,vi->v", normals, normals) - 1.0).max() > MAX_NORMAL_ERROR:
-        raise ValueError("its normals must have the length 1")
+        raise ValueError("its normals must have length 1")
     fastest = max(np.abs(v).max() for v in velocities)
     if fastest > ABSURD * model.rate * p.R0 or c.max() > ABSURD * max(p.c0, p.c_r):
-        raise ValueError("its velocities and concentrations must not be absurdly large")
+        raise ValueError("its velocities and concentrations are too large")

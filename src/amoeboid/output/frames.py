@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Sequence
+from html import escape
 from pathlib import Path
-from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from amoeboid.output.atomic import GrowingFile, write_atomically
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.step import Step
 from amoeboid.surface.cell import SurfaceCell
+
+# else readers of XML make them spaces
+_SPACES = {ord(space): f"&#{ord(space)};" for space in "\t\n\r"}
 
 
 class FrameFiles:
@@ -119,4 +122,5 @@ def collection(frame_times: list[tuple[float, str]], where: str = "frames/") -> 
 
 
 def _entry(t: float, name: str, where: str = "frames/") -> str:
-    return f'    <DataSet timestep="{t!r}" part="0" file={quoteattr(f"{where}{name}")}/>\n'
+    file = escape(f"{where}{name}").translate(_SPACES)
+    return f'    <DataSet timestep="{t!r}" part="0" file="{file}"/>\n'

@@ -43,8 +43,8 @@ def within(folder: Path, name: str) -> Path:
         raise InvalidInput(f"{name} in {str(folder)!r} must be a file: {error}") from None
     if not inside:
         raise InvalidInput(
-            f"{name} in {str(folder)!r} must lie in that folder, it is a link to "
-            f"{str(path.resolve())[:200]!r}; copy the file there instead"
+            f"{name} in {str(folder)!r} must lie in that folder, but is a link to "
+            f"{str(path.resolve())[:200]!r}; replace the link by a copy"
         )
     return path
 

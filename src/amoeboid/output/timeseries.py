@@ -85,7 +85,7 @@ def read_table(path: Path, last: Step | None = None) -> tuple[list[str], Rows]:
                 row = _row(columns, line)
                 place = _place(row)
                 if any(a >= b for a, b in zip(before, place, strict=True)):
-                    raise InvalidInput("the rows of timeseries.csv must be in the order of time")
+                    raise InvalidInput("the rows of timeseries.csv must be in order of time")
                 rows.append(row)
                 before = place
                 if last is not None and row["step"] == last.number:

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.arrays import Array, Index
+from amoeboid.arrays import Array, Index, cross
 from amoeboid.extras import needed
 from amoeboid.plotting.palette import INK
 
 PICTURE = "a picture of a cell needs"
 SMOOTHING = 2  # pixels drawn for one of the picture, in both directions
-FACET = 16.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
+FACET = 24.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
 MAX_CUTS = 64
 # The anchors of YlGnBu by C. Brewer, as in `palette.COLOR_MAP`; between them it is linear.
 ANCHORS = (
@@ -74,7 +74,7 @@ class Canvas:
     def surface(self, r: Array, normals: Array, faces: Index, values: Array) -> None:
         """Triangles with values from 0 to 1 at their nodes (V,), lit by unit normals (V, 3)."""
         edges = r[faces[:, [1, 2]]] - r[faces[:, :1]]
-        seen = faces[np.cross(edges[:, 0], edges[:, 1]) @ self._sight > 0.0]
+        seen = faces[cross(edges[:, 0], edges[:, 1]) @ self._sight > 0.0]
         size = self._pixels * np.sqrt(np.mean(np.sum(edges**2, axis=2)))
         cuts = int(np.clip(np.ceil(size / FACET), 1, MAX_CUTS))
         corners, middles = _pieces(cuts)
@@ -95,9 +95,9 @@ class Canvas:
         length = float(np.linalg.norm(along))
         if length == 0.0:
             return
-        across = np.cross(along / length, np.eye(3)[np.argmin(np.abs(along))])
+        across = cross(along / length, np.eye(3)[np.argmin(np.abs(along))])
         across /= np.linalg.norm(across)
-        other = np.cross(along / length, across)
+        other = cross(along / length, across)
         circle = np.cos(ROUND)[:, None] * across + np.sin(ROUND)[:, None] * other
         neck, tip = start + (1.0 - head) * along, start + along
         rod = width * length * circle
@@ -107,7 +107,7 @@ class Canvas:
     def line(self, start: Array, end: Array, width: float, color: str) -> None:
         """A line of a width, across the view."""
         along = end - start
-        across = np.cross(self._sight, along)
+        across = cross(self._sight, along)
         length = float(np.linalg.norm(across))
         if length > 0.0:
             half = (0.5 * width / length) * across

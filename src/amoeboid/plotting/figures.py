@@ -78,7 +78,7 @@ def axes_for(ax: Any = None) -> Any:
     Raises InvalidInput for what are no axes.
     """
     if ax is not None and not hasattr(ax, "plot"):
-        raise InvalidInput(f"ax must be axes of matplotlib, or left out, got {ax!r}")
+        raise InvalidInput(f"ax must be Axes of matplotlib or None, got {ax!r}")
     if ax is not None:
         return ax
     needed("matplotlib", DRAWING)

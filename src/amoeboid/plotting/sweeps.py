@@ -30,8 +30,8 @@ def draw(sweep: Sweep, ax: Any = None, observable: str | None = None) -> Any:
     ]
     if not 1 <= len(names) <= 2 or words:
         raise InvalidInput(
-            f"a picture of a sweep needs one or two numbers that vary, got {', '.join(names)}; "
-            "select from its dataset"
+            f"a picture of a sweep needs one or two varied numbers, got {', '.join(names)}; "
+            "select a slice of its dataset"
         )
     axes = axes_for(ax)
     shown = sweep.telling(observable)

@@ -75,8 +75,8 @@ def _corners(cell: SurfaceCell) -> Array:
     corners = cell.x[cell.faces]
     if not np.all(np.linalg.det(corners) > 0.0):
         raise InvalidInput(
-            f"angles about the center must be places on the surface, at t = {cell.t:g} some rays "
-            "from it leave the cell more than once; look at the frames instead"
+            f"each ray from the center must cross the surface once, at t = {cell.t:g} some cross "
+            "it more often; use the frames instead"
         )
     return corners
 

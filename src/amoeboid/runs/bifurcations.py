@@ -82,13 +82,15 @@ def neutral_between(
         if jumps and narrow:
             return _interpolated(at, whole)
         ends[0 if rate * f > 0.0 else 1] = found
-    raise NotSteady(f"no zero of the growth rate is found between {first[0]:.6g} and {last[0]:.6g}")
+    raise NotSteady(
+        f"no zero of the growth rate was found between {first[0]:.6g} and {last[0]:.6g}"
+    )
 
 
 def _rated(q: float, cell: SteadyCell) -> Neutral:
     growth, mode = cell.growth(MAX_ERROR)
     if growth.rate is None or mode is None:
-        raise NotSteady(f"the growth rate at {q:.6g} is not found: {growth.problem}")
+        raise NotSteady(f"the growth rate at {q:.6g} could not be determined: {growth.problem}")
     return Neutral(q, cell, growth, mode)
 
 

@@ -69,7 +69,7 @@ def branch(
     or at `start`. `through`: a 3D cell that it passes instead, a `SteadyCell` or any start of
     `steady_state` that has a mesh; or a bifurcation of such a branch within the window, the branch
     that leaves there: circles and helices. Another parameter may be followed from there, with those
-    of its state for p. It is followed through folds until it leaves the window, meets the sphere,
+    of its state for p. It is followed through folds until it leaves the window, reaches the sphere,
     or circles become straight. `stability`: find the growth rates of all cells, and where stability
     is gained or lost; False saves most of the time. With physical parameters, the ends are
     quantities such as "2 um/s". `max_step` is the longest step along the branch, `max_points` the
@@ -100,7 +100,7 @@ def branch(
     except NotSteady as error:
         why = "; ".join(with_units(p, [str(error)], name))
         raise InvalidInput(
-            f"the branch must begin at a steady cell, none is reached: {why}; give one by "
+            f"the branch must start at a steady cell, and none was reached: {why}; give one with "
             "through = amoeboid.steady_state(...)"
         ) from None
     begins = through if isinstance(through, CellBifurcation) else None
@@ -168,9 +168,9 @@ class _Traced:
                 return (*started(at, mesh, state), q)
         ends = [text(self.p, q, self.p.dimension(self.name)) for q in self.window]
         raise InvalidInput(
-            f"a branch of 3D cells must begin at a polarized state at an end of its window, "
-            f"{self.name} = {' or '.join(ends)}, there is none; move an end, or give a cell by "
-            "through"
+            "a branch of 3D cells must start at a polarized state at an end of its window, but "
+            f"there is none at {self.name} = {' or '.join(ends)}; move an end, or give a cell "
+            "with through"
         )
 
     def _models(self, model: Model) -> Callable[[float], Model]:
@@ -192,21 +192,21 @@ class _Traced:
         low, high = sorted(self.window)
         if point.kind == HOPF:
             raise InvalidInput(
-                f"through must be a bifurcation that steady cells leave from, at a {here} these "
-                "are cells that oscillate; look for them by simulate(), from its state"
+                "through must be a bifurcation to steady cells, but oscillating cells bifurcate "
+                f"at a {here}; find them with simulate(), starting from its state"
             )
         if self.p.replace(**{self.name: q}) != at:
             known = (name for name in at.names if name in self.p.names and name != self.name)
             others = [name for name in known if at.value(name) != self.p.value(name)]
             raise InvalidInput(
-                f"through must be a bifurcation of cells of the parameters p, the {here} is not: "
-                f"{', '.join(others) or 'the law or the stress'} differs; give its "
+                "through must be a bifurcation at the parameters p, but "
+                f"{', '.join(others) or 'the law or the stress'} of the {here} differs; give its "
                 "state.parameters for p"
             )
         if not low <= q <= high:
             raise InvalidInput(
-                f"the window must contain the bifurcation that the branch leaves from, "
-                f"{self.name} = {text(self.p, q, unit)}; move an end"
+                f"the window must contain the bifurcation at which the branch starts, {self.name} "
+                f"= {text(self.p, q, unit)}; move an end"
             )
         return q
 
@@ -285,7 +285,7 @@ class _Traced:
         for count, cell in enumerate(cells):
             self.watch(Progress("stability", self.name, self._value(cell), 0, count))
             unsure += cell.stability == "unknown"
-        problems = [f"the stability of {unsure} states is not known"] if unsure else []
+        problems = [f"the stability of {unsure} states is unknown"] if unsure else []
         for (s, a), (t, b) in pairwise(zip(lengths, cells, strict=True)):
             if a.stable == b.stable or any(s < length < t for length, _ in folds):
                 continue
@@ -293,13 +293,13 @@ class _Traced:
             try:
                 neutral = neutral_between(self._cell, (p, a), (q, b), self.options.scale)
             except NotSteady as error:
-                problems.append(f"a bifurcation is not located: {error}")
+                problems.append(f"a bifurcation could not be located: {error}")
                 continue
             length = s + (neutral.q - p) / (q - p) * (t - s)
             found.append(bifurcation(self.name, neutral, length))
             if neutral.jumps:
                 problems.append(
-                    f"the mesh joins two branches near {neutral.q:.6g}: that bifurcation is "
+                    f"the mesh connects two branches near {neutral.q:.6g}: that bifurcation is "
                     f"interpolated between {p:.6g} and {q:.6g}"
                 )
         return found, problems

@@ -20,14 +20,14 @@ def ended_by(config: Config, until: Any) -> tuple[Config, tuple[Event, ...]]:
     section, events = declared(config.time, until, config.parameters)
     if config.noise.acts and until is not None and section.stop_when_steady:
         raise InvalidInput(
-            "until must not be steady() with shot noise (noise.filaments > 0), which changes the "
-            "cell until the end of the run; give amoeboid.time(t) or amoeboid.when(...)"
+            "until must not be steady() with shot noise (noise.filaments > 0), because the cell "
+            "never becomes steady; use amoeboid.time(t) or amoeboid.when(...)"
         )
     return replace(config, time=section), events
 
 
 def least_end(first: Step, time: Time) -> float:
-    """The time [T] that a run which stands at a step must at least go on to; exclusive."""
+    """The time [T] that a run which stands at a step must at least continue to; exclusive."""
     return first.state.t + shortest_step(Config(parameters=first.model.parameters, time=time))
 
 
@@ -44,12 +44,12 @@ def check_continues(first: Step, time: Time, events: Sequence[Event] = ()) -> No
     why = ended_already(first, time, events)
     if why:
         raise InvalidInput(
-            f"the run has ended at t = {first.state.t:g}: {why}; to go on, resume it until another "
-            "event, such as until=amoeboid.time(t)"
+            f"the run has ended at t = {first.state.t:g}: {why}; to continue, resume it until "
+            "another event, such as until=amoeboid.time(t)"
         )
     least = least_end(first, time)
     if not time.end > least:
         raise InvalidInput(
-            f"to go on the run must end after t = {least:.9g}, got {time.end:.9g}; resume it with "
-            "until=amoeboid.time(t), t being later"
+            f"to continue, the run must end after t = {least:.9g}, got {time.end:.9g}; resume it "
+            "with until=amoeboid.time(t) and a later t"
         )

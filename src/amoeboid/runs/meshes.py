@@ -46,7 +46,7 @@ class Surface:
 
     Nodes r (V, 3) in any unit of length (the run scales them to the area of the membrane), faces
     (F, 3) that look outward. `repair` lets a file be mended, as `initial.repair`. Raises
-    InvalidInput for what is no closed surface without handles.
+    InvalidInput for a value that is not a closed surface without handles.
     """
 
     def __init__(self, r: Any, faces: Any = None, *, repair: bool = False) -> None:
@@ -54,12 +54,16 @@ class Surface:
         self.repair = repair
         if self.path is not None:
             if faces is not None:
-                raise InvalidInput("a surface must be a file or nodes and faces, got both")
+                raise InvalidInput(
+                    "a surface must be a file or nodes and faces, got both; leave one out"
+                )
             return
         if faces is None:
-            raise InvalidInput("a surface must be a file, or nodes and faces; faces are missing")
+            raise InvalidInput("a surface must be a file, or nodes and faces; add the faces")
         if repair:
-            raise InvalidInput("repair must be false for nodes and faces; save them as a file")
+            raise InvalidInput(
+                "repair must be false for nodes and faces; save them as a file to repair them"
+            )
         try:
             self.r, self.faces = np.array(r, dtype=float), np.array(faces)
         except (TypeError, ValueError) as error:
@@ -98,7 +102,7 @@ class Surface:
 def placed_on(mesh: Any, config: Config) -> tuple[dict[str, Any], InitialCell | None]:
     """Changes of the configuration for a mesh, {section.field: value}, or the cell to start as.
 
-    Raises InvalidInput for what is no mesh.
+    Raises InvalidInput for a value that is not a mesh.
     """
     if isinstance(mesh, Icosphere):
         return {"mesh.subdivisions": mesh.subdivisions}, None

@@ -145,7 +145,10 @@ def persistence(runs: Any, lag: Any = None, after: Any = None) -> Persistence:
         raise InvalidInput("persistence needs at least one run, got none")
     p = several[0].parameters
     if any(run.parameters != p for run in several[1:]):
-        raise InvalidInput("the runs must be of one cell, their parameters differ")
+        raise InvalidInput(
+            "all runs must have the same parameters, these differ; compute their persistence "
+            "separately"
+        )
     begin = None if after is None else time_of(after, p, "after")
     histories = [_headings(run, begin) for run in several]
     if lag is None:
@@ -163,8 +166,8 @@ def _headings(run: Any, begin: float | None) -> tuple[Array, Array]:
     known = [name for name in HEADINGS if f"{name}_x" in names]
     if not known:
         raise InvalidInput(
-            "a run must have the column cortex_drag_heading or migration_heading for its "
-            "persistence; observe it, or simulate in an environment"
+            "persistence needs the column cortex_drag_heading or migration_heading of a run; "
+            "observe it, or simulate in an environment"
         )
     p = run.parameters
     t = np.array([row["t"] for row in run.rows])
@@ -174,8 +177,8 @@ def _headings(run: Any, begin: float | None) -> tuple[Array, Array]:
     if len(t) < 2 or not np.all(np.linalg.norm(u, axis=1) > 0.5):
         last = 0.0 if len(t) == 0 else float(t[~(np.linalg.norm(u, axis=1) > 0.5)].max(initial=0))
         raise InvalidInput(
-            "a cell must have a heading at all times that count, this one has none "
-            f"at t = {shown(quantity(p, last, 'T'))}; give a later time: after=..."
+            "a cell must have a heading at all times used, this one has none at t = "
+            f"{shown(quantity(p, last, 'T'))}; give a later time: after=..."
         )
     return t, u
 
@@ -199,7 +202,7 @@ def of_headings(p: Parameters, several: Sequence[Array], lag: float) -> Persiste
     first = float(products.mean())
     if not first > 0.0:
         raise InvalidInput(
-            f"the heading must still be known after one lag, its autocorrelation at {lag:g} is "
+            f"the heading must stay correlated over one lag, its autocorrelation at {lag:g} is "
             f"{first:.3g}; give a shorter lag"
         )
     turns = np.concatenate([np.cross(u[:-1], u[1:]) for u in several]) / lag

@@ -163,7 +163,7 @@ class Run:
     def _some_frames(self) -> Sequence[Snapshot]:
         if not len(self.frames):
             raise InvalidInput(
-                "a run must have frames for this, it has none; give times, or leave them out"
+                "this needs frames, the run has none; set output.times or output.interval"
             )
         return self.frames
 
@@ -175,7 +175,7 @@ class Run:
         """
         p, found = self.parameters, {}
         if "t" not in self.units:
-            raise InvalidInput("a run must have a time series for this, it has none")
+            raise InvalidInput("this needs a time series, the run has none")
         for name, dimension in self.units.items():
             values = column_of(self.rows, self.units, name)
             known = values.filled(np.nan) if np.ma.isMaskedArray(values) else values

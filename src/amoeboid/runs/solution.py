@@ -153,7 +153,7 @@ def simulate(
     line on a terminal or in a notebook after two seconds, True at once, False never; a function is
     called with each row of the time series.
 
-    The solution of a run that cannot go on has the status "diverged"; its steps are good. Ctrl-C
+    The solution of a run that cannot continue has the status "diverged"; its steps are good. Ctrl-C
     ends a run after the present step with a KeyboardInterrupt that has the run up to there as
     `solution`; a second one ends it at once. Raises InvalidInput.
     """
@@ -204,7 +204,9 @@ def _started_from(config: Config, mesh: Any, initial: Any) -> tuple[Config, Init
                 )
             given = given.as_initial(mesh or Icosphere(config.mesh.subdivisions))
         if cell is not None or "initial.surface" in changes:
-            raise InvalidInput("a run must have one initial shape, got a surface and a cell")
+            raise InvalidInput(
+                "a run must have one initial shape, got a surface and a cell; leave one out"
+            )
         changes, cell = {"initial.perturbation": config.initial.perturbation or 0.0}, given
     sections: dict[str, dict[str, Any]] = {}
     for name, value in changes.items():

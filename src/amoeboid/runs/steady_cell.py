@@ -176,7 +176,9 @@ class SteadyCell(Snapshot):
                 text(self.parameters, number, "1/T", form)
                 for number, form in ((found.rate, ".3g"), (found.error, ".2g"))
             )
-            return f"the growth rate of the fastest perturbation, {rate}, is only known to {error}"
+            return (
+                f"the growth rate of the fastest perturbation, {rate}, is known only to +- {error}"
+            )
         return ""
 
     @property
@@ -281,8 +283,8 @@ def steady_state(p: Parameters, *, mesh: Any = None, start: Any = None) -> Stead
         return shown_cell(found_from(model, guess))
     except NotSteady as error:
         raise InvalidInput(
-            f"the start must be near a steady cell, from this one none is reached: {error}; "
-            "start from a steady cell of nearer parameters, or from the end of a run"
+            f"the start must be near a steady cell, and this one is not: {error}; start from a "
+            "steady cell at closer parameters, or from the end of a run"
         ) from None
 
 
@@ -308,7 +310,7 @@ def started(p: Parameters, mesh: Any, start: Any, argument: str = "start") -> tu
 
     `argument`: what users call the start.
 
-    Raises InvalidInput for what is no start, and for a mesh beside a start that has one.
+    Raises InvalidInput for a value that is not a start, and for a mesh beside a start that has one.
     """
     if start is None:
         start = _known(p)
@@ -336,8 +338,8 @@ def started(p: Parameters, mesh: Any, start: Any, argument: str = "start") -> tu
     finite = all(np.isfinite(x).all() for x in (start.r, start.c, start.zeta0))
     if not (finite and start.c.min() >= 0.0 and start.c.max() > 0.0):
         raise InvalidInput(
-            f"{argument} must hold finite numbers, and a concentration >= 0 that is not 0 "
-            f"everywhere, got {start!r}"
+            f"{argument} must have finite numbers and a concentration >= 0, not 0 everywhere, got "
+            f"{start!r}"
         )
     model = Model(p, connectivity(start.faces))
     r = placed(start.r, start.faces, model.A0)
@@ -353,7 +355,7 @@ def _known(p: Parameters) -> SteadyState:
     found = next((state for state in reversed(known) if state.stable), known[-1])
     if known.problems and not any(state.number("polarity") > MIN_KEPT**2 for state in known):
         raise InvalidInput(
-            "a start must be given where no polarized axisymmetric state is found: "
+            "a start is needed because no polarized axisymmetric state was found: "
             f"{known.problems[0]}; give the end of a run"
         )
     return found
@@ -362,6 +364,4 @@ def _known(p: Parameters) -> SteadyState:
 def refuse_mesh(mesh: Any, argument: str) -> None:
     """Raise InvalidInput for a mesh beside a start that has one."""
     if mesh is not None:
-        raise InvalidInput(
-            f"mesh must be left out beside a {argument} that has a mesh of its own, got {mesh!r}"
-        )
+        raise InvalidInput(f"mesh must be left out when {argument} has its own mesh, got {mesh!r}")

@@ -143,12 +143,12 @@ class StoredRun(Run):
 
     @cached_property
     def last(self) -> Step:
-        """The step of the checkpoint, from which `resume` goes on. Raises InvalidInput."""
+        """The step of the checkpoint, from which `resume` continues. Raises InvalidInput."""
         path = self.folder / "checkpoint.npz"
         if not path.is_file():
             raise InvalidInput(
-                f"the run in {str(self.folder)!r} has no checkpoint.npz: it ended before its first "
-                "one, or the file was removed"
+                f"the run in {str(self.folder)!r} has no checkpoint.npz: it ended before its "
+                "first checkpoint, or the file was removed"
             )
         try:
             step = read_checkpoint(checked(self.folder, path.name)).step
@@ -235,7 +235,7 @@ def load(folder: str | os.PathLike[str]) -> StoredRun:
     path = Path(folder)
     if not (path / "config.toml").is_file():
         raise InvalidInput(
-            f"load takes the folder of a run, {str(path)!r} has no config.toml; give the folder "
-            "that amoeboid run wrote to"
+            f"load needs the folder of a run, {str(path)!r} has no config.toml; give the output "
+            "folder of amoeboid run"
         )
     return StoredRun(path)

@@ -60,7 +60,7 @@ def stability(last: Step, per_time: str = "per unit time", size: float = 1.0) ->
     `size`: a rate of 1 [1/T] in the unit that `per_time` names.
     """
     if last.rest is None:
-        return "the state is not steady: it still changes, or grows slowly from rest"
+        return "the state is not steady: it still changes, or still grows from rest"
     if last.stability == "unknown":
         return f"the state is steady, but its stability is unknown: {last.stability_problem}"
     growth, error = (size * (x or 0.0) for x in (last.growth, last.growth_error))
@@ -68,7 +68,7 @@ def stability(last: Step, per_time: str = "per unit time", size: float = 1.0) ->
     if last.stability == "stable":
         return f"the state is steady and stable: its slowest perturbation decays at {rate}"
     if last.steady:
-        return f"the state is steady but unstable: a perturbation grows, slowly, at {rate}"
+        return f"the state is steady but unstable: a perturbation grows slowly, at {rate}"
     return f"the state is unstable: its fastest perturbation grows at {rate}"
 
 

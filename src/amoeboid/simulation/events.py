@@ -1,8 +1,8 @@
 """What ends a run: events with names.
 
-An event is any function of a `Step` that says whether the run ends there. Its name is told as the
-reason; an event may also give a text instead of True, which is told then. Those of this module are
-what `until` of `simulate` takes as well:
+An event is any function of a `Step` that says whether the run ends there. Its name is then the
+reason; an event may also return a text instead of True, which is then the reason. Those of this
+module are what `until` of `simulate` takes as well:
 
     simulate(p, until=[steady(), time(100), when("polarity > 0.5"), my_event])
 """
@@ -92,7 +92,7 @@ def time(t: Any) -> At:
     Raises InvalidInput for a number that is no time; a quantity is checked when a run begins.
     """
     if isinstance(t, int | float):
-        Time(end=t)  # refuses what is no time
+        Time(end=t)  # rejects a value that is not a time
     return At(t)
 
 
@@ -101,6 +101,10 @@ def when(text: str) -> When:
 
     It compares expressions of observables, yours included, of parameters, of the time t and of
     numbers. The run ends with the first step at whose end it holds. Raises InvalidInput.
+
+    >>> import amoeboid as am
+    >>> am.simulate(mesh=am.Icosphere(1), until=am.when("c_rear > 4*c0"))
+    Solution(c_rear > 4 * c0 at t = 0.5519, 15 steps, 42 nodes)
     """
     return When(text)
 
@@ -115,14 +119,14 @@ MAKERS = (steady, time, when)
 
 
 def events_of(time: Time) -> list[Event]:
-    """The events that a resolved section [time] declares, first those that are told first."""
+    """The events that a resolved section [time] declares, in the order of reporting."""
     found: list[Event] = [Steady(time.finish == "solve")] if time.stop_when_steady else []
     found += [When(text) for text in time.until]
     return [*found, At(time.end)]
 
 
 def reason(step: Step, events: Iterable[Event]) -> str | None:
-    """Why a run ends at a step, by the first event that says so; None if it goes on.
+    """Why a run ends at a step, by the first event that says so; None if it continues.
 
     Raises InvalidInput for an event that gives neither a truth value nor a text.
     """
@@ -132,7 +136,7 @@ def reason(step: Step, events: Iterable[Event]) -> str | None:
             ends = bool(found)
         except Exception as error:  # of an array of several numbers, for one
             raise InvalidInput(
-                f"an event must give true, false or a text, {named(event)} gave "
+                f"an event must return true, false or a text, {named(event)} returned "
                 f"{str(found)[:100]!r}: {error}"
             ) from error
         if ends:
@@ -161,7 +165,9 @@ def times_of(given: Any, p: Parameters, name: str) -> tuple[float, ...]:
         raise InvalidInput(f"{name} must be a list of times, got {given!r}; write [{given!r}]")
     found = tuple(time_of(t, p, name) for t in given)
     if not found:
-        raise InvalidInput(f"{name} must name at least one time; leave them out for multiples")
+        raise InvalidInput(
+            f"{name} must hold at least one time, got none; leave it out to use the interval"
+        )
     return found
 
 
@@ -176,8 +182,8 @@ def declared(time: Time, until: Any, p: Parameters) -> tuple[Time, tuple[Event, 
     for event in events:
         if any(event is make for make in MAKERS):
             raise InvalidInput(
-                f"until must be an event, and {event.__name__} is the function that makes one: "
-                f"write amoeboid.{event.__name__}(...)"
+                f"until must be an event, got the function {event.__name__} that makes one; write "
+                f"amoeboid.{event.__name__}(...)"
             )
         if not callable(event):
             raise InvalidInput(

@@ -3,7 +3,7 @@
 Whenever the rate of change of the cell, in axes that rotate with it, falls below another power of
 ten from NEAR on, the steady cell next to it is sought by the iteration of `surface.steady`. It
 replaces the state of the step if it is near, and if every perturbation of it is known to decay.
-Otherwise the run goes on as if nothing had been tried. All of that follows from two steps, so that
+Otherwise the run continues unchanged. All of that follows from two steps, so that
 a resumed run does the same.
 """
 
@@ -38,8 +38,8 @@ def solved_for(before: Step, step: Step) -> Step | None:
     model, state = step.model, step.state
     if model.cue is not None:
         raise InvalidInput(
-            'time.finish must be "wait" for a cell under a cue, got "solve": the cell must turn '
-            "with its nodes until it is aligned"
+            'time.finish must be "wait" under a cue, got "solve", because the cell '
+            "rotates until it is aligned; omit it"
         )
     if step.steady or awaited(model, state.t):
         return None

@@ -39,7 +39,7 @@ def start(config: Config, cell: InitialCell | None = None) -> Step:
             return _started(config, cell)
     except (StepFailed, SingularMatrix, FloatingPointError) as error:
         raise InvalidInput(
-            f"the parameters must allow a cell at rest to start from, these do not: {error}"
+            f"the parameters must allow an initial cell at rest, these do not: {error}"
         ) from None
 
 
@@ -55,7 +55,7 @@ def _started(config: Config, cell: InitialCell | None) -> Step:
 def evolve(first: Step, time: Time, events: Sequence[Event] = ()) -> Iterator[Step]:
     """Yield the steps after `first` until one of them has `ended` set.
 
-    It ends by `events`, or by what `time` declares. A run continued from any step goes on exactly
+    It ends by `events`, or by what `time` declares. A run continued from any step continues exactly
     as the uninterrupted one. Raises Diverged if no step, however short, can be made.
     """
     given, inputs = first.model.given, first.model.inputs

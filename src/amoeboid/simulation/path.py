@@ -3,7 +3,7 @@
 The axes of a run follow the cell, up to a rotation that its surroundings decide. They rotate and
 move in the laboratory so that force and torque on the cell vanish. Position and rotation are
 integrated from row to row with the trapezoidal rule, of second order in time, from the numbers in
-the row before alone: a run that is resumed goes on with the same bits.
+the row before alone: a run that is resumed continues with the same bits.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ class RecordedPath:
             reach = f"t = {self._times[-1]:g}" if self._times else "no time"
             raise InvalidInput(
                 f"the time series must record the path up to t = {t:g}, it reaches {reach} (in "
-                "numbers of the solver); choose frames before, or a format that follows the cell "
+                "numbers of the solver); choose earlier frames, or keep the cell in the center "
                 "(--follow)"
             )
         here = bisect_right(self._times, t) - 1

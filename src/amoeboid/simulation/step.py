@@ -23,7 +23,7 @@ class Step:
     jump those before it; `history`: the state and those before it that the next step needs, newest
     first; `rate` is the largest relative rate of change of shape and concentration in units of
     model.rate; `rest` is None as long as the cell or one of its parameters changes, and for an
-    initial state; `ended` says why the run ends here, None if it goes on; `tried`: the nodes (V, 3)
+    initial state; `ended`: why the run ends here, or None; `tried`: the nodes (V, 3)
     of the last attempt to make a better mesh, if it failed; `adapted`, of an initial state: what
     was done to a shape from a file; `solved`: the state is a steady one that was solved for from
     that of the step; `noise_kept`: the share of the shot noise of the step that its nodes had
@@ -101,13 +101,13 @@ class Step:
         if self.growth_not_seen:
             return (
                 f"a growth rate of {self.growth:.3g} per unit time is predicted, but no growth "
-                "appeared; the mesh may be too coarse for it, or time.max_step too long for an "
+                "appeared; the mesh may be too coarse, or time.max_step too long for an "
                 "oscillation"
             )
         if abs(self.growth) <= self.growth_error:
             return (
                 f"the growth rate of the fastest perturbation, {self.growth:.3g} per unit time, "
-                f"is only known to {self.growth_error:.2g}"
+                f"is known only to +- {self.growth_error:.2g}"
             )
         return ""
 

@@ -32,7 +32,7 @@ STABLE_GROWTH = 2.4
 
 
 class Diverged(ArithmeticError):
-    """The run cannot go on; the steps yielded before it are good."""
+    """The run cannot continue; the steps yielded before it are good."""
 
 
 def next_step(step: Step, time: Time) -> Step:
@@ -92,7 +92,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
             dt, rejected = float(factor) * length, rejected + 1
             continue
         grown = min(time.max_step, float(factor) * length)
-        # a step cut short by a stop says nothing about the length to go on with
+        # a step cut short by a stop says nothing about the length to continue with
         next_dt = max(grown, dt) if length < dt else grown
         new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
         return replace(new, tried=begun.tried)

@@ -54,8 +54,8 @@ def column_units(
     twice = [name for name in columns if columns.count(name) > 1]
     if twice:
         raise InvalidInput(
-            f"an observable must have a name of its own, {twice[0]!r} is another column of the "
-            "time series; rename it"
+            f"observable names must differ from the columns of the time series, got {twice[0]!r}; "
+            "rename it"
         )
     return STEP_UNITS | observable_units(observe) | changing
 
@@ -101,7 +101,7 @@ def column(rows: Sequence[Row], units: Mapping[str, str | None], name: str) -> A
         columns = [column(rows, units, part) for part in parts]
         masked = any(np.ma.isMaskedArray(part) for part in columns)
         return np.ma.stack(columns, axis=1) if masked else np.stack(columns, axis=1)
-    refuse_unknown([name], units, "column of the time series")
+    refuse_unknown([name], units, "column", "of the time series")
     values = np.array([row.get(name, 0.0) for row in rows])
     missing = np.array([name not in row for row in rows])
     return np.ma.masked_array(values, missing) if missing.any() else values

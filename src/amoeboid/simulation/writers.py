@@ -1,7 +1,7 @@
-"""What is kept or written while a run goes on: writers that are asked at every step.
+"""What is kept or written during a run: writers, which are asked at every step.
 
 A writer of your own is any object with the two methods of `Writer`; `simulate(..., writers=[...])`
-takes it. One that has a method `finish(step)` is told the last step of the run.
+takes it. One that has a method `finish(step)` is called with the last step of the run.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def _times(writer: Any, due: bool | Iterable[float], begin: float, end: float) -
         times = [math.nan]
     if isinstance(due, str) or not all(begin <= t <= end for t in times):
         raise InvalidInput(
-            f"due(step) of a writer must give true, false or times from {begin:g} to {end:g}, "
-            f"{type(writer).__name__} gave {str(due)[:100]}"
+            f"due(step) of a writer must return true, false or times from {begin:g} to {end:g}, "
+            f"{type(writer).__name__} returned {str(due)[:100]}"
         )
     return times

@@ -132,7 +132,7 @@ class Branch:
 
     @property
     def thresholds(self) -> Any:
-        """Values of the parameter at which the branch leaves or meets the sphere, an array."""
+        """Values of the parameter at which the branch leaves or reaches the sphere, an array."""
         return quantity(
             self.parameters, np.array(self.origins), self.parameters.dimension(self.name)
         )
@@ -159,7 +159,7 @@ class Branch:
             return self.values
         if name in self.parameters.names:
             raise AttributeError(
-                f"the branch is one in {self.name!r}; {name} does not change along it and is "
+                f"the branch varies {self.name!r}; {name} is constant along it: "
                 f"branch.parameters.{name}"
             )
         found = np.array([state.number(name) for state in self.states])
@@ -341,11 +341,11 @@ def branch(
     if found is None:
         low, high = (text(p, v, p.dimension(name)) for v in sorted((first, last)))
         raise InvalidInput(
-            f"no polarized state found for {name} between {low} and {high}; "
-            "set v_p0 above its threshold (see amoeboid steady)"
+            f"no polarized state was found for {name} between {low} and {high}; set v_p0 above "
+            "its threshold (see amoeboid steady)"
         )
     if not found.points and found.complete:
-        raise InvalidInput(f"{found.message}: choose a window that it passes")
+        raise InvalidInput(f"{found.message}; choose a window that the branch enters")
     return shown_branch(p, found)
 
 
@@ -372,9 +372,7 @@ def checked_window(
     if name not in p.names:
         raise InvalidInput(f"{labels[0]} must be one of {', '.join(p.names)}, got {name!r}")
     if end is None:
-        raise InvalidInput(
-            f"{labels[2]} must be given: the value of {name} to follow the branch to"
-        )
+        raise InvalidInput(f"{labels[2]} must be given: the end of the window of {name}")
     if start is None:
         first = 0.0 if name == "v_p0" else p.value(name)
     else:

@@ -87,7 +87,7 @@ def with_units(p: Parameters, problems: Sequence[str], *names: str) -> tuple[str
     if p.units is None or not problems:
         return tuple(problems)
     units = ", ".join(f"{name} in units of {text(p, 1.0, p.dimension(name))}" for name in names)
-    return (*problems, f"numbers in these messages are those of the solver: {units}")
+    return (*problems, f"numbers in these messages are in the units of the solver: {units}")
 
 
 def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:
@@ -105,7 +105,7 @@ def value_of(p: Parameters, name: str, given: Any, label: str = "") -> float:
 def number_of(p: Parameters, given: Any, dimension: str | None, shown: str) -> float:
     """The number [dimension] in the units of p that `given` stands for, `shown` in messages.
 
-    Raises InvalidInput for what is no number, or no quantity where p has physical units.
+    Raises InvalidInput for a value that is not a number, or no quantity where p has physical units.
     """
     zero = not isinstance(given, str) and np.isscalar(given) and given == 0
     if p.units is None or dimension is None or dimension in NO_DIMENSION or zero:

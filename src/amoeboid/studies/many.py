@@ -202,8 +202,8 @@ def _points_of(cells: Sequence[Parameters]) -> Points:
     first = cells[0]
     if len({_relations(p) for p in cells}) > 1:
         raise InvalidInput(
-            f"all cells must have the law {first.law.name!r} and the stress {first.stress.name!r}, "
-            "got others too; ask for each law by itself"
+            f"all cells must have the same law ({first.law.name!r}) and stress "
+            f"({first.stress.name!r}), got others; compute each law separately"
         )
     if len({p.units is None for p in cells}) > 1:
         raise InvalidInput(

@@ -292,8 +292,8 @@ def _environment(given: Any) -> Environment:
     if isinstance(given, Environment):
         return given
     raise InvalidInput(
-        "an environment must be one such as amoeboid.Fluid(), with its brackets, or a text such as "
-        f"'patch:30', got {given!r}"
+        "an environment must be an object such as amoeboid.Fluid(), with parentheses, or a text "
+        f"such as 'patch:30', got {given!r}"
     )
 
 
@@ -303,13 +303,15 @@ def _cell(state: Any, flow: Any, c: Any, front: Any) -> Any:
         path = getattr(state, "path", None)
         if not hasattr(state, "faces") or not hasattr(state, "r") or path is not None:
             raise InvalidInput(
-                "a flow must be given with nodes and faces, as of amoeboid.Surface(r, faces), got "
+                "a flow needs nodes and faces, as in amoeboid.Surface(r, faces), got "
                 f"{str(state)[:100]}"
             )
         return MeasuredCell(state.r, state.faces, np.asarray(flow), None if c is None else
                             np.asarray(c), front)  # fmt: skip
     if c is not None or front is not None:
-        raise InvalidInput("c and front must come with a flow; a state has its own")
+        raise InvalidInput(
+            "c and front are used only with a flow, a state has its own; leave them out"
+        )
     for name in ("solution", "final"):
         inner = getattr(state, name, None)
         if inner is not None and hasattr(inner, "cell"):
@@ -317,7 +319,7 @@ def _cell(state: Any, flow: Any, c: Any, front: Any) -> Any:
     if hasattr(state, "r") and hasattr(state, "faces") and not hasattr(state, "v_c"):
         if isinstance(state, MeasuredCell):
             return state
-        raise InvalidInput("a surface must come with its flow (V, 3): migrate(surface, flow=...)")
+        raise InvalidInput("a surface needs its flow (V, 3); write migrate(surface, flow=...)")
     return getattr(state, "cell", state)
 
 

@@ -17,7 +17,7 @@ def names() -> tuple[str, ...]:
 def checked(wanted: Iterable[str]) -> tuple[str, ...]:
     """Names of observables. Raises InvalidInput for one that no axisymmetric state has."""
     found = tuple(wanted)
-    refuse_unknown(found, names(), "observable of an axisymmetric state")
+    refuse_unknown(found, names(), "observable", "of an axisymmetric state")
     return found
 
 

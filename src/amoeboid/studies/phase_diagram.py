@@ -283,8 +283,8 @@ def windows(
         unit_of_D = p.beta * p.R0**2
         if name != "D" or unit_of_D == 0:
             raise InvalidInput(
-                f"{labels['low']} and {labels['high']} must be given for {name} "
-                f"(beta = {p.beta:g}): there is no window to start from"
+                f"{labels['low']} and {labels['high']} must be given for {name} (beta = "
+                f"{p.beta:g}), which has no default window"
             )
         asked = [k * unit_of_D if v is None else v for k, v in zip(D_WINDOW, asked, strict=True)]
     speeds = [

@@ -79,7 +79,7 @@ TITLES = {
     **{f"unstable_m{m}": f"number of growing modes with m = {m}" for m in range(4)},
     "n_states": "number of steady states",
     "n_stable": "number of stable steady states",
-    "piece": "number of the stretch of the branch",
+    "piece": "number of the piece of the branch",
     "n_folds": "number of folds",
     "steps": "number of steps",
     "steady": "the cell does not change, and no perturbation is known to grow: 1, else 0",
@@ -91,7 +91,7 @@ TITLES = {
     "turning": "how fast the direction of motion changes",
     "radius_of_curvature": "radius of curvature of the path",
     "torsion": "torsion of the path",
-    "residual": "largest rate of change that is left, in units of the rate",
+    "residual": "remaining rate of change, in units of rate",
 }
 
 

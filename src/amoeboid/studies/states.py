@@ -188,7 +188,7 @@ class SteadyStates(Sequence[SteadyState]):
         for state in reversed(self.states):
             if state.stable:
                 return state
-        raise InvalidInput("none of the steady states that were found is stable")
+        raise InvalidInput("none of the steady states found is stable")
 
     @overload
     def __getitem__(self, index: int) -> SteadyState: ...

@@ -1,1 +1,1 @@
-"""The triangulated 3D shell: one module an operator, `model` puts them together."""
+"""The triangulated 3D shell: one module for each operator; `model` combines them."""

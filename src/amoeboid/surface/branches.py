@@ -23,7 +23,7 @@ from amoeboid.surface.steady import Found, NotSteady, Plane, around, cell_in_pla
 
 # After a step of few iterations the next one is longer by this factor, after one of many shorter.
 FEW, LONGER, MANY, SHORTER = 16, 1.5, 45, 0.7
-# A step that led to where none goes on is repeated with this share of it.
+# A step that led to where none continues is repeated with this share of it.
 REPEATED = 0.3
 # One step may turn away from the one before by an angle with at least this cosine.
 MIN_COSINE = 0.8
@@ -79,7 +79,7 @@ def branch_from(
 ) -> Followed:
     """The branch from `first` through `second` until it leaves the window or only repeats itself.
 
-    Mirror images follow where it meets the sphere, and where circles meet straight cells.
+    Mirror images follow where it reaches the sphere, and where circles meet straight cells.
     """
     low, high = sorted(window)
     points, folds = [(0.0, first)], list[tuple[float, Found]]()
@@ -169,11 +169,11 @@ def _next(
             after = _direction(reached, (found.q - past[-1].q) / scale)
             if after[0] @ before[0] / n + after[1] * before[1] >= MIN_COSINE:
                 return found, step
-            why = "it turns too sharply"
+            why = "the branch bends too sharply"
         except NotSteady as error:
             why = str(error)
         step *= 0.5
-    raise NotSteady(f"no step from {past[-1].q:.8g} on succeeds: {why}")
+    raise NotSteady(f"no step beyond {past[-1].q:.8g} succeeds: {why}")
 
 
 def _direction(x: Array, q: float) -> tuple[Array, float]:
@@ -217,7 +217,7 @@ def _fold_between(
         plane = Plane(origin.x + at * along, origin.q + at * slope, along, slope)
         found = cell_in_plane(iteration, z, q, plane, model_at, scale)
         places = sorted([*places, (at, found)], key=lambda one: abs(one[0] - at))[:3]
-    raise NotSteady(f"the fold near q = {b.q:.8g} is not found to the digits of its scale")
+    raise NotSteady(f"the fold near q = {b.q:.8g} could not be located to full precision")
 
 
 def _meets_sphere(before: Found, after: Found) -> bool:

@@ -51,5 +51,5 @@ def relaxed(model: Model, state: State, tolerance: float = 1e-9, max_steps: int 
     flow = flow_of(model, state, 1e-2 / model.rate)
     speed = np.abs(np.einsum("vi,vi->v", flow.v, flow.normals)).max()
     if not speed < MAX_SPEED_AT_REST * model.rate * model.parameters.R0:
-        raise StepFailed(f"the initial shape does not come to rest, it moves at {speed:.3g}")
+        raise StepFailed(f"the initial shape does not come to rest; it still moves at {speed:.3g}")
     return state

@@ -1,7 +1,7 @@
 """One explicit step, the algorithm of the paper (SI, numerical procedure), for comparison.
 
 Euler's method with a fixed step. Conjugate gradients give the cortex velocity and the tension under
-the linear constraint that the area changes by what it still lacks, (A0 - A)/dt; they start from
+the linear constraint that the area changes by the missing amount, (A0 - A)/dt; they start from
 the flow of the previous step. Nodes move with the full velocity v, so that the concentration obeys
 the Lagrangian balance dc/dt = -(div_s v) c + D lap_s c + beta (c0 - c); the advective form printed
 beside the algorithm would count v.grad c twice. Then the nodes are moved back along the surface,
@@ -81,13 +81,13 @@ def explicit_step(
         state.position + dt * drift + shift,
     )
     if not new.c.min() >= 0:
-        raise StepFailed(f"the concentration is no longer >= 0: {new.c.min():.3g}")
+        raise StepFailed(f"the concentration became negative: {new.c.min():.3g}")
     check_step(model, state, new)
     wrong = abs(area(new.r, mesh.faces) / model.A0 - 1.0)
     if wrong > MAX_AREA_ERROR:
         raise StepFailed(
-            f"the step is too long for the stiff shape modes: its area is off by {wrong:.2g}, more "
-            f"than {MAX_AREA_ERROR:g}; shorten time.max_step"
+            f"the step is too long for the stiff shape modes: the relative area error {wrong:.2g} "
+            f"exceeds {MAX_AREA_ERROR:g}; lower time.max_step"
         )
     return new, Flow(v_c - drift, v_p, zeta0, g.normals, g.node_areas)
 
@@ -128,7 +128,7 @@ def constrained_flow(
     )
     if not found.residual <= least:
         raise StepFailed(
-            f"the conjugate gradients stop at a residual force of {found.residual:.3g} after "
+            f"the conjugate gradients stopped at a residual force of {found.residual:.3g} after "
             f"{found.iterations} iterations"
         )
     if drag is not None:  # friction tells the rotation

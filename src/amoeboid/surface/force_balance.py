@@ -234,7 +234,7 @@ def _pressure(r: Array, g: Geometry, faces: Index) -> Array:
     # about the center of area, where the rigid part that `normal_force` removes does no work
     factor = 3.0 * volume(r, faces) / np.vdot(force, r - area_centroid(r, g))
     if not MIN_FACTOR < factor < 1.0 / MIN_FACTOR:
-        raise SingularMatrix("the mesh must resolve the surface, its dual areas do not")
+        raise SingularMatrix("the mesh is too coarse for the surface: a dual area is not positive")
     return np.asarray(force * factor)
 
 

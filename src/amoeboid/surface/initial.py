@@ -119,8 +119,8 @@ def _as_given(
         flow, _ = first_flow(model, state)
     except (StepFailed, SingularMatrix) as error:
         raise InvalidInput(
-            f"the initial shape must be one that the parameters can move, it is not: {error}; "
-            "use a smoother shape or a finer mesh"
+            f"the force balance of the initial shape has no solution: {error}; use a smoother "
+            "shape or a finer mesh"
         ) from None
     adapted = Adaptation(repairs, _scaling(model, r, faces))
     return Start(model, replace(state, zeta0=flow.zeta0), adapted)
@@ -171,7 +171,7 @@ def _surface(initial: Initial, n_nodes: int) -> tuple[Array, Index, tuple[str, .
     except Repairable as problem:
         if initial.repair:
             raise
-        raise InvalidInput(f"{problem}, or let it be done with initial.repair = true") from None
+        raise InvalidInput(f"{problem}, or set initial.repair = true") from None
     order, faces = narrow_numbering(faces)
     return r[order], faces, changes
 
@@ -184,12 +184,12 @@ def _frame(path: str) -> tuple[Array, Index, Array, float]:
     missing += ["c"] if file.c is None else []
     if file.c is None or missing:
         raise InvalidInput(
-            f"{name} must be a frame that a run has written, it lacks {', '.join(missing)}; "
-            "a shape alone is given as initial.surface"
+            f"{name} must be a frame that a run has written, it lacks {', '.join(missing)}; give "
+            "a shape without them as initial.surface"
         )
     c, tension = file.c, file.fields["zeta0"]
     if c.shape != (len(file.r),) or not np.all(np.isfinite(c)) or c.min() < 0:
-        raise InvalidInput(f"{name} must have one finite number c >= 0 at every point")
+        raise InvalidInput(f"{name} must have a finite c >= 0 at every point")
     if not np.isfinite(tension):
         raise InvalidInput(f"{name} must have a finite tension zeta0, got {tension}")
     check_surface(file.r, file.faces, name)
@@ -219,8 +219,8 @@ def perturbed(model: Model, state: State, initial: Initial) -> State:
     for degree, order, amplitude in initial.harmonics:
         if (degree + 1) ** 2 > len(x):
             raise InvalidInput(
-                f"initial.harmonics must be carried by the mesh, (l + 1)^2 <= {len(x)} nodes, got "
-                f"l = {degree}; lower it or refine the mesh"
+                f"initial.harmonics must have (l + 1)^2 <= {len(x)}, the number of nodes, got l = "
+                f"{degree}; lower l or refine the mesh"
             )
         change = change + amplitude * real_harmonic(degree, order, x)
     change = change + initial.noise * np.random.default_rng(initial.seed).standard_normal(len(x))

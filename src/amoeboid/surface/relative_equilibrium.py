@@ -1,4 +1,4 @@
-"""A cell that does not change but for a rigid motion, as the fixed point of one implicit iteration.
+"""A cell that changes only by a rigid motion, as the fixed point of one implicit iteration.
 
 Straight, circling and helical cells are steady in a frame that moves with a velocity and an angular
 velocity (relative equilibria). Both are unknowns. In turn, the position of the cell relative to the

@@ -184,10 +184,15 @@ def rotated(vectors: Array, angular_velocity: Array, time: float) -> Array:
     if angle == 0.0:
         return vectors
     axis = angular_velocity * (time / angle)
-    across = np.cross(axis, np.eye(3))
+    across = _cross_matrix(axis)
     return vectors + vectors @ (np.sin(angle) * across + (1.0 - np.cos(angle)) * across @ across)
 
 
 def rotation(angular_velocity: Array, x: Array) -> Array:
     """Velocities (V, 3) of points x (V, 3) that rotate around the origin, angular velocity (3,)."""
-    return x @ np.cross(angular_velocity, np.eye(3))
+    return x @ _cross_matrix(angular_velocity)
+
+
+def _cross_matrix(a: Array) -> Array:
+    # rows a x e_i: x @ them is a x x
+    return np.array([[0.0, a[2], -a[1]], [-a[2], 0.0, a[0]], [a[1], -a[0], 0.0]])

@@ -1,4 +1,4 @@
-"""Steady cells on a mesh, solved for by accelerated iterations instead of waited for in a run.
+"""Steady cells on a mesh, solved for by accelerated iterations, without a run.
 
 The fixed points of `relative_equilibrium.ImplicitMap` are found with Anderson acceleration. Along a
 branch the parameter q joins the unknowns x, and a plane is given that holds (x, q):
@@ -126,7 +126,7 @@ def steady_cell(model: Model, guess: Moving, q: float = 0.0) -> Found:
             return checked(replace(found, iterations=total))
         guess = found.cell
     raise NotSteady(
-        f"the iteration does not converge: after {total} of them one more changes the cell by "
+        f"the iteration does not converge: iteration {total + 1} still changes the cell by "
         f"{found.change:.2g}"
     )
 
@@ -191,9 +191,9 @@ def checked(found: Found) -> Found:
     r, faces = found.cell.r, found.model.mesh.faces
     if mesh_quality(r, faces) < MIN_QUALITY:
         raise NotSteady(
-            f"a triangle of the steady shape has degenerated (quality below {MIN_QUALITY:g}): it "
-            "is too far from the shape of the start"
+            f"a triangle of the steady shape has degenerated (quality below {MIN_QUALITY:g}): "
+            "this shape is too far from the initial shape"
         )
     if not embedded(r, faces):
-        raise NotSteady("the surface of the steady shape crosses itself")
+        raise NotSteady("the surface of the steady shape self-intersects")
     return found

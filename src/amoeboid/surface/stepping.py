@@ -336,7 +336,7 @@ def tension_for_area(
         if not (np.isfinite(excess) and dA_dzeta0 < 0):
             break
         zeta0 -= excess / dA_dzeta0
-    raise StepFailed("no tension keeps the area over this step")
+    raise StepFailed("no tension conserves the area over this step")
 
 
 def check_step(model: Model, old: State, new: State) -> None:
@@ -346,12 +346,10 @@ def check_step(model: Model, old: State, new: State) -> None:
     before, after = (face_vectors(state.r, model.mesh.faces) for state in (old, new))
     if mesh_quality(new.r, model.mesh.faces) < MIN_QUALITY:
         raise StepFailed(
-            f"a triangle has degenerated (quality below {MIN_QUALITY:g}): the cell deforms more "
-            "than its mesh can follow; increase mesh.subdivisions or delta_P"
+            f"a triangle has degenerated (quality below {MIN_QUALITY:g}): the mesh cannot follow "
+            "the deformation; increase mesh.subdivisions or delta_P"
         )
     if np.einsum("fi,fi->f", before, after).min() <= 0:
-        raise StepFailed("a triangle has turned over: the surface folds, or its mesh is too coarse")
+        raise StepFailed("a triangle has inverted: the surface folds, or its mesh is too coarse")
     if not embedded(new.r, model.mesh.faces):
-        raise StepFailed(
-            "the surface crosses itself: parts of the cell have met; this model has no contact"
-        )
+        raise StepFailed("the surface self-intersects; this model has no contact forces")

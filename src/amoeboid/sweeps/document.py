@@ -45,13 +45,13 @@ class SweepDocument:
 def sweep_document(text: str, name: str, folder: Path) -> SweepDocument:
     """A SWEEP.toml, in `folder`, from its text. Raises InvalidInput, naming table and key."""
     tables = toml_document(text, name)
-    refuse_unknown(tables, (*TABLES, "physical"), "table of a sweep")
+    refuse_unknown(tables, (*TABLES, "physical"), "table", "of a sweep")
     for table in ("base", "sobol", "refine", "solver", "record"):
         if not isinstance(tables.get(table, {}), Mapping):
             raise InvalidInput(f"[{table}] must be a table, got {tables[table]!r:.100}")
     if "solver" not in tables:
         raise InvalidInput(
-            f"a sweep must have a table [solver] with a name: {', '.join(SOLVERS)}; it has none"
+            f"a sweep needs a table [solver] with a name ({', '.join(SOLVERS)}), got none"
         )
     given = dict(tables["solver"])
     kind = _text(given.pop("name", None), "[solver] name", SOLVERS)
@@ -102,7 +102,7 @@ def _flat(given: Mapping[str, Any]) -> dict[str, Any]:
 
 def _points(tables: Mapping[str, Any], base: Base) -> Points | Refinement:
     if "vary" not in tables:
-        raise InvalidInput("a sweep must have a table [vary] with names and values; it has none")
+        raise InvalidInput("a sweep needs a table [vary] with names and values, got none")
     vary = tables["vary"]
     if "sobol" in tables and "refine" in tables:
         raise InvalidInput("a sweep must have [sobol] or [refine], not both; leave one out")
@@ -128,10 +128,10 @@ def _points(tables: Mapping[str, Any], base: Base) -> Points | Refinement:
 def _known(
     table: str, given: Mapping[str, Any], names: Sequence[str], needed: Sequence[str]
 ) -> dict[str, Any]:
-    refuse_unknown(given, names, f"key of [{table}]")
+    refuse_unknown(given, names, "key", f"in [{table}]")
     for name in needed:
         if name not in given:
-            raise InvalidInput(f"[{table}] must have {name}, it has {', '.join(given) or 'none'}")
+            raise InvalidInput(f"[{table}] needs {name}, got {', '.join(given) or 'none'}")
     return dict(given)
 
 
@@ -150,7 +150,7 @@ def _pairs(tables: Sequence[Any], base: Base) -> Points:
 
 
 def _record(given: Mapping[str, Any]) -> tuple[str, ...] | None:
-    refuse_unknown(given, ("names",), "key of [record]")
+    refuse_unknown(given, ("names",), "key", "in [record]")
     names = given.get("names")
     if names is None:
         return None
@@ -164,12 +164,12 @@ Made = tuple[Callable[..., Any], Base]
 
 
 def _theory(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
-    refuse_unknown(given, ("name",), "key of [solver] theory")
+    refuse_unknown(given, ("name",), "key", "in [solver] theory")
     return theory, base
 
 
 def _steady(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
-    refuse_unknown(given, ("name", "degrees", "many", "max_modes"), "key of [solver] steady")
+    refuse_unknown(given, ("name", "degrees", "many", "max_modes"), "key", "in [solver] steady")
     many = given.get("many", False)
     if not isinstance(many, bool):
         raise InvalidInput(f"[solver] many must be true or false, got {many!r:.100}")
@@ -193,7 +193,7 @@ def _steady(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
 
 def _branch(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
     names = ("name", "vary", "from", "to", "mesh", "max_step", "max_points")
-    refuse_unknown(given, names, "key of [solver] branch")
+    refuse_unknown(given, names, "key", "in [solver] branch")
     name, start, end = given.get("vary", "v_p0"), given.get("from"), given.get("to")
     checked_window(base, name, start, end, ("[solver] vary", "[solver] from", "[solver] to"))
     options: dict[str, Any] = {k: given[k] for k in ("max_step", "max_points") if k in given}
@@ -205,12 +205,12 @@ def _branch(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
 
 def _simulate(base: Parameters, given: Mapping[str, Any], folder: Path) -> Made:
     sections = [name for name in SECTIONS if name != "parameters"]
-    refuse_unknown(given, ("name", *sections), "key of [solver] simulate")
+    refuse_unknown(given, ("name", *sections), "key", "in [solver] simulate")
     return simulate, anchored(configured(Config(parameters=base), given), folder)
 
 
 def _motility(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
-    refuse_unknown(given, ("name", "in"), "key of [solver] motility")
+    refuse_unknown(given, ("name", "in"), "key", "in [solver] motility")
     word = given.get("in", "fluid")
     if not isinstance(word, str):
         raise InvalidInput(f"[solver] in must be an environment such as 'fluid', got {word!r:.100}")

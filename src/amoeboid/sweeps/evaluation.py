@@ -158,19 +158,19 @@ def _values(solver: Solver, answer: Any) -> tuple[dict[str, Any], Meanings]:
     if solver.record is None:
         entries = {name: entry for name, entry in entries.items() if entry.default}
     else:
-        refuse_unknown(solver.record, entries, "number that this solver gives")
+        refuse_unknown(solver.record, entries, "result", "of this solver")
         entries = {name: entries[name] for name in solver.record}
     for name in (*solver.varied, *OWN_NAMES):
         if name in entries:
             raise InvalidInput(
-                f"the solver gives {name!r}, which is a name of the sweep; vary another parameter, "
-                "rename it, or record other names"
+                f"the solver returns {name!r}, which the sweep varies; vary another parameter, "
+                "rename the result, or record other names"
             )
     for dim in dict.fromkeys((POINT, *(dim for entry in entries.values() for dim in entry.dims))):
         if dim in entries and entries[dim].dims != (dim,):
             raise InvalidInput(
-                f"the solver gives {dim!r}, which is the name of a dimension of the table; rename "
-                "it, or record other names"
+                f"the solver returns {dim!r}, which is the name of a dimension of the table; "
+                "rename the result, or record other names"
             )
     values, meanings = {}, {}
     for name, entry in entries.items():
@@ -186,12 +186,12 @@ def entries_of(answer: Any) -> Mapping[str, Recorded]:
         return dict(answer.recorded())
     if isinstance(answer, Mapping):
         if not answer or not all(isinstance(name, str) and name for name in answer):
-            raise InvalidInput(f"a solver must name what it gives by texts, got {answer!r:.200}")
+            raise InvalidInput(f"the names of solver results must be texts, got {answer!r:.200}")
         for name in answer:
             if "/" in name or not name.isprintable() or name != name.strip():
                 raise InvalidInput(
-                    "a solver must name what it gives by texts that NetCDF takes, without '/', "
-                    f"control characters and spaces around them, got {name!r:.100}"
+                    "the names of solver results must be valid in NetCDF, without '/', control "
+                    f"characters and outer spaces, got {name!r:.100}"
                 )
         return {name: _entry(name, value) for name, value in answer.items()}
     return {VALUE: _entry(VALUE, answer)}
@@ -240,8 +240,8 @@ def _written(name: str, entry: Recorded) -> tuple[Any, str]:
         if isinstance(value, str):
             if any(c == "\0" or "\ud800" <= c <= "\udfff" for c in value):
                 raise InvalidInput(
-                    f"a text must be one that UTF-8 and NetCDF hold, got {value!r:.100} for "
-                    f"{name!r}; leave out zeros and halves of characters"
+                    f"texts must be valid in UTF-8 and NetCDF, got {value!r:.100} for {name!r}; "
+                    "leave out null characters and surrogates"
                 )
             kinds.add(TEXT)
             return value
@@ -250,18 +250,18 @@ def _written(name: str, entry: Recorded) -> tuple[Any, str]:
             number = float(value)
             return number if math.isfinite(number) else _without_number(number)
         raise InvalidInput(
-            f"a solver must give real numbers, texts, arrays of them, a dict of those, or a result "
-            f"of this package, got {type(value).__name__} for {name!r}"
+            "a solver must return real numbers, texts, arrays of them, a dict of those, or a "
+            f"result of this package, got {type(value).__name__} for {name!r}"
         )
 
     found = written(entry.values, 0)
     if len(kinds) > 1:
-        raise InvalidInput(f"{name!r} must be made of numbers or of texts, got both")
+        raise InvalidInput(f"{name!r} must hold only numbers or only texts, got both")
     return found, next(iter(kinds), "")
 
 
 def _without_number(number: float) -> str | None:
-    """Infinity as a text, which `float` reads; nothing for what is no number."""
+    """Infinity as a text, which `float` reads; nothing for a value that is not a number."""
     return None if math.isnan(number) else repr(number)
 
 

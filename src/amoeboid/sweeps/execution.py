@@ -155,10 +155,9 @@ class Parallel:
             self._lost_in_a_row += 1
             if self._lost_in_a_row >= HOPELESS and not self._succeeded and not self._works():
                 raise InvalidInput(
-                    f"workers must be able to evaluate points, {HOPELESS} of them were lost twice "
-                    f"and none succeeded ({why}); a script that makes processes needs "
-                    "`if __name__ == '__main__':`, and workers elsewhere the same packages; try "
-                    "executor=None first"
+                    f"workers must be able to evaluate points, {HOPELESS} points were lost twice "
+                    f"and none succeeded ({why}); scripts need `if __name__ == '__main__':`, and "
+                    "remote workers the same packages; try executor=None first"
                 ) from error
             self._take([k], [failure(f"lost twice: {why}", again=True)], {})
         return again
@@ -220,15 +219,15 @@ def check_pickles(solver: Solver) -> None:
         pickle.dumps(solver)
     except Exception as error:  # pickle raises what it meets
         raise InvalidInput(
-            f"a solver must be a function that other processes can import, this one is not: "
+            "a solver must be a function that other processes can import, this one cannot be: "
             f"{error}; {remedy}"
         ) from None
     function = getattr(solver.function, "func", solver.function)
     main = sys.modules["__main__"]
     if getattr(function, "__module__", "") == "__main__" and not hasattr(main, "__file__"):
         raise InvalidInput(
-            f"a solver must be a function that other processes can import, this one was typed: "
-            f"{remedy}"
+            "a solver must be a function that other processes can import, this one was typed "
+            f"interactively; {remedy}"
         )
 
 

@@ -184,14 +184,14 @@ class SweepFolder:
             held = lock.take()
         except TakenError as by:
             raise InvalidInput(
-                f"the folder of a sweep must be used by one process at a time, {str(self.path)!r} "
-                f"is used by {by}; wait for it, choose another folder, or share the work as shards "
-                "(--shard 1/2 and --shard 2/2)"
+                "only one process at a time may use the folder of a sweep, "
+                f"{str(self.path)!r} is used by {by}; wait for it, choose another folder, or "
+                "divide the work into shards (--shard 1/2 and --shard 2/2)"
             ) from None
         locks.callback(lock.release)
         if lock.why_not:
             warnings.warn(
-                f"{str(path)!r} cannot be locked ({lock.why_not}): let one process work in this "
+                f"{str(path)!r} cannot be locked ({lock.why_not}); run only one process in this "
                 "folder",
                 stacklevel=2,
             )
@@ -219,14 +219,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     if not path.is_file():
         raise InvalidInput(
             f"the folder of a sweep must have a {MANIFEST}, {str(folder)!r} has none; give the "
-            "folder that amoeboid sweep wrote to"
+            "output folder of amoeboid sweep"
         )
     try:
         found = json.loads(text_of(path))
     except (OSError, ValueError, RecursionError) as error:
-        raise InvalidInput(f"{str(path)!r} must be the file of a sweep: {error}") from None
+        raise InvalidInput(f"{str(path)!r} must be the manifest of a sweep: {error}") from None
     if not isinstance(found, dict) or found.get("format") != FORMAT:
-        raise InvalidInput(f"{str(path)!r} must be the file of a sweep, it is not")
+        raise InvalidInput(f"{str(path)!r} must be the manifest of a sweep, it is not")
     version = found.get("format_version")
     if not isinstance(version, int) or version > VERSION:
         raise InvalidInput(
@@ -237,7 +237,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 IDENTITY = ("solver", "record", "base")
-"""What makes a sweep: a folder goes on with other points, not with another one of these."""
+"""What makes a sweep: a folder continues with other points, not with another one of these."""
 
 
 def _refuse_another(wanted: Mapping[str, Any], found: Mapping[str, Any], folder: Path) -> None:

@@ -45,8 +45,8 @@ def joined(name: str, before: Meaning | None, now: Meaning) -> Meaning:
     kind = before.kind or now.kind
     if replace(before, kind=kind) != replace(now, kind=now.kind or kind):
         raise InvalidInput(
-            f"{name!r} must mean the same at all points, it is {before} at one and {now} at this; "
-            "give them different names, or None where there is no value"
+            f"{name!r} must be of one kind at all points, it is {before} at one and {now} at "
+            "another; use different names, or None for a missing value"
         )
     return replace(now, kind=kind)
 

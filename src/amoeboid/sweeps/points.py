@@ -146,7 +146,7 @@ def paired(base: Base | None = None, **vary: Any) -> Points:
     counts = {name: len(values) for name, values in columns.items()}
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{name}: {n}" for name, n in counts.items())
-        raise InvalidInput(f"names that go together must have as many values each, got {told}")
+        raise InvalidInput(f"names that vary together must have equally many values, got {told}")
     count = next(iter(counts.values()))
     _check_count(count)
     return Points(start, columns, (POINT,), (count,))
@@ -208,7 +208,7 @@ def listed(cells: Iterable[Any]) -> Points:
     all_parameters = [parameters_of(cell) for cell in found]
     if len({p.units is None for p in all_parameters}) > 1:
         raise InvalidInput(
-            "the points of a sweep must all have physical units or none, got both; make them all "
+            "either all points of a sweep or none must have physical units, got both; make all "
             "with Parameters.physical, or none"
         )
     columns: dict[str, tuple[Any, ...]] = {}
@@ -266,13 +266,15 @@ def axis(base: Base, name: str, values: Any) -> tuple[Any, ...]:
     if isinstance(values, str) or not hasattr(values, "__len__"):
         raise InvalidInput(
             f"the values of {name} must be a list, or {{'linspace': [first, last, count]}}, got "
-            f"{values!r:.100}; a single one belongs to the base"
+            f"{values!r:.100}; a single value belongs in the base"
         )
     found = tuple(_value(base, name, value) for value in values)
     if not found:
-        raise InvalidInput(f"the values of {name} must be at least one, got none")
+        raise InvalidInput(f"{name} must have at least one value, got none")
     if len({isinstance(value, float) for value in found}) > 1:
-        raise InvalidInput(f"the values of {name} must all be numbers, or none, got {found!r:.200}")
+        raise InvalidInput(
+            f"the values of {name} must all be numbers or all be texts, got {found!r:.200}"
+        )
     return found
 
 
@@ -355,7 +357,7 @@ def _base(base: Any, vary: Mapping[str, Any]) -> Base:
             getattr(parameters_of(start), kind).refuse_unknown_own({own: 0.0})
         if section != "parameters":
             refuse_unknown([section], SECTIONS, "section")
-            refuse_unknown([key], SECTIONS[section], f"field of [{section}]")
+            refuse_unknown([key], SECTIONS[section], "field", f"in [{section}]")
             start = start if isinstance(start, Config) else Config(parameters=start)
     return start
 

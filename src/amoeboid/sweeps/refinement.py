@@ -121,7 +121,7 @@ def refine(grid: Points, label: str | Sequence[str], *, depth: int = 3) -> Refin
     (9, 47)
     """
     if not isinstance(grid, Points) or not grid.axes:
-        raise InvalidInput(f"refine takes a grid, as amoeboid.grid makes it, got {grid!r:.100}")
+        raise InvalidInput(f"refine needs a grid from amoeboid.grid, got {grid!r:.100}")
     names = tuple(label) if isinstance(label, list | tuple) else (label,)
     if not names or not all(isinstance(name, str) for name in names):
         raise InvalidInput(f"label must be a name, or several, got {label!r:.100}")
@@ -131,13 +131,13 @@ def refine(grid: Points, label: str | Sequence[str], *, depth: int = 3) -> Refin
         rising = sorted(values) == list(values) or sorted(values, reverse=True) == list(values)
         if len(values) < 2 or not all(isinstance(v, float) for v in values) or not rising:
             raise InvalidInput(
-                f"a grid to refine must have two or more numbers in their order for each name, got "
+                "a grid to refine must have at least two numbers in order for each name, got "
                 f"{name} = {list(values)!r:.100}"
             )
     nodes = math.prod((n - 1) * 2 ** int(depth) + 1 for n in grid.shape)
     if nodes > MAX_LATTICE:
         raise InvalidInput(
-            f"the finest grid must have at most {MAX_LATTICE} points, it has {nodes}; lower the "
+            f"the finest grid must have at most {MAX_LATTICE} points, got {nodes}; lower the "
             "depth, or start from fewer points"
         )
     return Refinement(grid, names, int(depth))

@@ -81,7 +81,7 @@ class Sweep:
 
     def __getitem__(self, name: str) -> Any:
         """A variable or a coordinate, an xarray.DataArray."""
-        refuse_unknown([name], (*self.layout.coordinates, *self.columns), "name in this sweep")
+        refuse_unknown([name], (*self.layout.coordinates, *self.columns), "name", "in this sweep")
         return self.dataset[name]
 
     def __iter__(self) -> Iterator[str]:
@@ -133,7 +133,7 @@ class Sweep:
         """
         names = [name for name in self.columns if name not in OWN_NAMES]
         if observable is not None:
-            refuse_unknown([observable], [*names, "status"], "name in this sweep")
+            refuse_unknown([observable], [*names, "status"], "name", "in this sweep")
             return observable
         numbers = [n for n in names if self.columns[n].meaning.kind == NUMBER]
         return USUAL if USUAL in numbers else next(iter([*numbers, *names]), "status")
@@ -189,7 +189,7 @@ def load_sweep(folder: str | os.PathLike[str]) -> Sweep:
     for size in found.shape:
         count *= size
     if not isinstance(keys, list) or len(keys) != count:
-        raise InvalidInput(f"the sweep in {str(path)!r} must name its {count} points, it does not")
+        raise InvalidInput(f"the sweep in {str(path)!r} must list its {count} points, but does not")
     stored = SweepFolder(path)
     stored.read(str(manifest.get("code")))
     rows = tuple(stored.rows.get(str(key)) for key in keys)

@@ -50,7 +50,7 @@ def sweep(
     key: str | None = None,
     progress: Any = None,
 ) -> Sweep:
-    """The answers of a solver at many points; a point that fails is named, and the rest goes on.
+    """The answers of a solver at many points; a point that fails is named, and the rest continues.
 
     `points`: what `grid`, `paired`, `sobol` or `refine` make, or a list of parameters. `solver`: a
     function of Parameters, such as `amoeboid.theory`, `steady_states`, `branch`, `simulate`, or one
@@ -63,7 +63,7 @@ def sweep(
     same bits. `points_per_task`: found from their time if left out.
 
     `folder`: where each answer is kept at once, and the table in the end (`sweep.nc`); the same
-    call goes on where an earlier one was stopped, also with more points. Answers of another version
+    call continues where an earlier one stopped, also with more points. Answers of another version
     of the code are computed anew. `shard=(3, 10)` computes the third of ten parts of the points, in
     a folder that all parts share; `load_sweep` reads them together. `retry`: compute points again
     that failed. `key`: a text that tells your function from others, if it is not in a file.
@@ -102,7 +102,7 @@ def sweep(
             found = run.made(first, report) if plan is None else _refined(run, plan, report)
     except KeyboardInterrupt as stop:
         if place is not None:
-            stop.add_note(f"what is done is kept in {str(place)!r}; the same call goes on")
+            stop.add_note(f"what is done is kept in {str(place)!r}; the same call continues")
         raise
     if place is not None and part == WHOLE:
         found.save(place / TABLE)
@@ -258,7 +258,7 @@ def _labels(plan: Refinement, found: Sweep) -> list[Any]:
             if name not in values or isinstance(values[name], list):
                 single = [n for n, v in values.items() if not isinstance(v, list)]
                 raise InvalidInput(
-                    f"the label of a refinement must be recorded, with one value a point, got "
+                    "the label of a refinement must be recorded, with one value per point, got "
                     f"{name!r}; allowed: {', '.join(single)}"
                 )
         labels.append(tuple(values[name] for name in plan.label))
@@ -294,9 +294,9 @@ def _code(solver: Solver, key: str | None, needed: bool) -> str:
     except Unidentified as why:
         if key is None and needed:
             raise InvalidInput(
-                f"a solver must be known by its content where answers are kept in a folder, this "
-                f"one is not: {why}; write it as a function of a file, or give a key that you "
-                "change with it"
+                "results kept in a folder need a solver whose code can be identified, this one "
+                f"cannot be: {why}; define it in a file, or give a key that you change with the "
+                "solver"
             ) from None
         function = content(solver.function, _named)
     told = f"{function}\n{solver.record!r}\n{key!r}\n{version('amoeboid')}"
@@ -363,11 +363,11 @@ def _checked_shard(shard: Any, folder: Any, plan: Refinement | None) -> tuple[in
             f"shard must be (k, n), part k of n with 1 <= k <= n, got {shard!r:.100}"
         )
     if folder is None:
-        raise InvalidInput("a shard must have a folder, which all shards share; give one")
+        raise InvalidInput("a shard needs a folder that all shards share, got none; give one")
     if plan is not None:
         raise InvalidInput(
-            "a refinement cannot be made in shards: its points depend on all others; give workers "
-            "or an executor"
+            "a refinement cannot be divided into shards, because its points depend on each "
+            "other; use workers or an executor"
         )
     return int(shard[0]), int(shard[1])
 

@@ -1,1 +1,1 @@
-"""One format a module; each defines `FORMAT`."""
+"""One module for each format; each defines `FORMAT`."""

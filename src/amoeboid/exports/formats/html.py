@@ -56,8 +56,8 @@ def write(job: Job, path: Path) -> None:
     sizes, lows, highs, speeds = np.array(found, dtype=float).T
     if sizes.sum() > MAX_NUMBERS:
         raise InvalidInput(
-            f"a page must have at most {MAX_NUMBERS} nodes over all frames, these frames have "
-            f"{int(sizes.sum())}; choose fewer of them, such as frames ::10"
+            f"a page must have at most {MAX_NUMBERS} nodes in all frames together, got "
+            f"{int(sizes.sum())}; choose fewer frames, such as ::10"
         )
     p = job.run.parameters
     low, high = color_limits(float(lows.min()), float(highs.max()), p.c0)

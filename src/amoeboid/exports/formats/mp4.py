@@ -23,9 +23,8 @@ def program() -> str:
     if found is not None and not installed("imageio_ffmpeg"):
         return found
     try:
-        return str(
-            needed("imageio_ffmpeg", "an export to mp4 without ffmpeg needs").get_ffmpeg_exe()
-        )
+        encoder = needed("imageio_ffmpeg", "an export to mp4 needs ffmpeg or")
+        return str(encoder.get_ffmpeg_exe())
     except RuntimeError as error:
         if found is None:
             raise InvalidInput(

@@ -39,7 +39,9 @@ ROUND = 0.05  # how well the radius and speed/turning of a circle agree; a helix
 CIRCLES = Parameters(D=0.4, delta_P=20.0, v_p0=8.0)
 TURNING, SPEED, RADIUS = 0.16500, 2.21935, 13.450
 """Of the relative equilibrium of CIRCLES, in units of R0 and 1/beta."""
-MESH_ERRORS = "the turning is too fast by 4.7 to 8.2 % on 642 nodes, by a third of this on 2562"
+MESH_ERRORS = (
+    "the rotation is too fast by 4.7 to 8.2 % on 642 nodes, and by a third of this on 2562 nodes"
+)
 """Of runs of CIRCLES from noise, seeds 1 to 4; docs/large-deformation.md."""
 
 

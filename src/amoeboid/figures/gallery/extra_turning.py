@@ -37,7 +37,9 @@ def turning_branches(p: Parameters, subdivisions: int) -> dict[str, Any]:
     """Rows of the branches, with where they begin, and problems."""
     onset = bending_onset(p)
     if onset is None:
-        problem = "no straight cell bends below twice the threshold of the sphere"
+        problem = (
+            "no straight cell becomes unstable to bending below twice the threshold of the sphere"
+        )
         return {"rows": [], "points": [], "onset": None, "problems": [problem]}
     mesh = Icosphere(subdivisions)
     found = [branch(p, "v_p0", *_ends(p, onset, AROUND), mesh=mesh)]
@@ -87,7 +89,7 @@ def _ends(p: Parameters, unit: float, window: tuple[float, float]) -> list[Any]:
 def compute(p: Parameters, results: Results) -> FigureData:
     """The branches on 642 nodes, and where they leave each other."""
     if p.beta == 0.0:
-        raise InvalidInput("beta must be > 0 here, got 0: turning is given in units of beta")
+        raise InvalidInput("beta must be > 0 here, got 0: rates of rotation are in units of beta")
     found = results.of(turning_branches, p, SUBDIVISIONS, task="3D branches of turning cells")
     rows = found["rows"]
     columns = list(zip(*rows, strict=True)) if rows else [()] * (len(OBSERVED) + 4)
@@ -115,7 +117,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
     notes = [f"{what} at v_p0 = {text(p, at, 'L/T', '.6g')}" for what, at, _ in points]
     if found["onset"] is not None:
         at = text(p, found["onset"], "L/T", ".6g")
-        notes.append(f"without a mesh straight cells begin to bend at v_p0 = {at}")
+        notes.append(f"without a mesh, straight cells become unstable to bending at v_p0 = {at}")
     return FigureData(p, tables, tuple(notes), tuple(found["problems"]))
 
 

@@ -10,7 +10,6 @@ from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-from scipy.linalg.lapack import dgbtrf, dgbtrs
 
 from amoeboid.arrays import Array, Index
 
@@ -34,7 +33,7 @@ class _LapackFactor:
         """Solution x of A x = b; b (n,) or (n, k)."""
         x, info = self._solve(b)
         if info != 0:
-            raise SingularMatrix(f"LAPACK refused the right-hand side (info = {info})")
+            raise SingularMatrix(f"LAPACK rejected the right-hand side (info = {info})")
         return x
 
 
@@ -50,6 +49,8 @@ class GeneralBand:
 
     def factor(self, entries: Array) -> Factor:
         """Factorize; `entries` on the pattern given at construction. Raises SingularMatrix."""
+        from scipy.linalg.lapack import dgbtrf, dgbtrs  # a fallback, which few runs need
+
         band = np.zeros((self.n, self._height))
         band.ravel()[self._places] = entries.ravel()
         lu, pivots, info = dgbtrf(band.T, self.below, self.above, overwrite_ab=1)
