@@ -3,13 +3,11 @@
 import csv
 import hashlib
 import json
-import os
 import re
 import subprocess
 import sys
 from importlib import import_module
 from importlib.util import find_spec
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -513,38 +511,3 @@ def test_runs_of_every_kind_are_exported_in_every_format(name, tmp_path):
         if all(find_spec(package) for package in packages):
             files = run.export(tmp_path / to, to, frames=slice(-2, None))
             assert all(file.stat().st_size > 0 for file in files)
-
-
-def resident():
-    """Resident memory of this process [bytes]."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="resident memory is of Linux")
-def test_memory_of_an_export_does_not_grow_with_the_number_of_frames(tmp_path, monkeypatch):
-    counts = {"csv": 240, "netcdf": 240, "gif": 60}
-    am.simulate(
-        PLAIN,
-        mesh=am.Icosphere(1),
-        time=am.Time(end=0.025, max_step=1e-4),
-        output=am.Output(interval=0.99e-4),
-        folder=tmp_path / "run",
-        progress=False,
-    )
-    run = am.load(tmp_path / "run")
-    assert len(run.frames) > max(counts.values())
-    seen, cells = [], Job.cells
-
-    def watched(self, doing):
-        for found in cells(self, doing):
-            seen.append(resident())
-            yield found
-
-    monkeypatch.setattr(Job, "cells", watched)
-    for to, count in counts.items():
-        seen.clear()
-        run.export(tmp_path / to, to, frames=slice(0, count))
-        assert len(seen) >= count
-        assert max(seen) - seen[count // 3] < 4e6, to  # a picture of a movie has 1e6 bytes

@@ -237,7 +237,7 @@ def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
     second.write_text(second.read_text().replace("\\u00b5m / s", "nm / s"))
     found = am.load_sweep(tmp_path)
     assert found["status"].values.tolist() == ["ok", "failed"]
-    assert "in µm / s at one and a single number in nm / s at this" in found.failed[0].why
+    assert "in µm / s at one and a single number in nm / s at another" in found.failed[0].why
 
 
 def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):
