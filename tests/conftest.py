@@ -1,3 +1,4 @@
+import gc
 import os
 
 # One thread a process: the matrices are small, and results must not depend on the machine's cores.
@@ -16,6 +17,15 @@ settings.register_profile(
     suppress_health_check=[HealthCheck.too_slow],
 )
 settings.load_profile("amoeboid")
+
+
+def pytest_configure():
+    gc.disable()  # what the imports of all test files make stays, and is looked through in vain
+
+
+def pytest_collection_finish():
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture

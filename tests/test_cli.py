@@ -1,4 +1,5 @@
 import errno
+import io
 import json
 import os
 import re
@@ -153,7 +154,16 @@ def test_what_a_run_was_made_with_is_kept(setting, says, tmp_path, capsys):
     assert f"--resume keeps {says}; only time.* and output.* may change" in err
 
 
-@pytest.mark.parametrize("encoding", ["ascii", pytest.param("utf-8", marks=pytest.mark.slow)])
+def test_letters_that_standard_output_lacks_are_escaped(tmp_path, monkeypatch):
+    stream = io.TextIOWrapper(io.BytesIO(), "ascii")
+    monkeypatch.setattr(sys, "stdout", stream)
+    folder = tmp_path / "Zellkörper"
+    assert main(["run", *QUICK, "--set", "time.end=0.01", "-o", str(folder)]) == 0
+    assert "Zellkörper".encode("ascii", "backslashreplace") in stream.buffer.getvalue()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("encoding", ["ascii", "utf-8"])
 def test_a_terminal_may_lack_letters_of_the_folder(encoding, tmp_path):
     run = [*COMMAND, "run", *QUICK, "--set", "time.end=0.01", "-o", "Zellkörper"]
     environment = os.environ | {"PYTHONIOENCODING": encoding}
@@ -293,19 +303,21 @@ def test_unknown_commands_and_options_exit_with_2(arguments, capsys):
     assert "usage" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("command", [[], *[[name] for name in COMMANDS]])
-def test_help_is_quick_because_it_imports_little(command):
+def test_help_is_quick_because_it_imports_little():
+    """That of all commands, one after another in one process."""
+    commands = [[], *([name] for name in COMMANDS)]
     code = (
         "import sys\nfrom amoeboid.cli.main import main\n"
-        f"try:\n    main({[*command, '--help']!r})\n"
-        "except SystemExit as e:\n    assert e.code == 0\n"
         "heavy = 'numba scipy vtkmodules pyvista matplotlib sympy pint dask'.split()\n"
-        "loaded = [name for name in heavy if name in sys.modules]\n"
-        "assert not loaded, loaded\n"
+        f"for command in {commands!r}:\n"
+        "    try:\n        main([*command, '--help'])\n"
+        "    except SystemExit as e:\n        assert e.code == 0, command\n"
+        "    loaded = [name for name in heavy if name in sys.modules]\n"
+        "    assert not loaded, (command, loaded)\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert "usage: amoeboid" in done.stdout
+    assert done.stdout.count("usage: amoeboid") == len(commands)
 
 
 def test_a_run_imports_neither_scipy_nor_other_commands(tmp_path):
@@ -323,7 +335,7 @@ def test_a_run_imports_neither_scipy_nor_other_commands(tmp_path):
 
 def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys):
     folder = tmp_path / "run"
-    bad = ["law=inverse", "D=1e-4", "v_p0=30", "initial.perturbation=2.9", "mesh.subdivisions=1"]
+    bad = ["time.scheme=explicit", "time.max_step=0.01", "time.end=5", "mesh.subdivisions=1"]
     settings = [word for setting in bad for word in ("--set", setting)]
     assert main(["run", *settings, "--json", "-o", str(folder)]) == 1
     out, err = capsys.readouterr()
@@ -341,7 +353,7 @@ def test_a_diverging_run_says_so_and_keeps_its_last_good_frame(tmp_path, capsys)
 )
 def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
     folder = tmp_path / "run"
-    long = ["--set", "mesh.subdivisions=2", "--set", "time.end=1e6", "--json", "-o", str(folder)]
+    long = ["--set", "mesh.subdivisions=1", "--set", "time.end=1e6", "--json", "-o", str(folder)]
     run = [*COMMAND, "run", *long, "--set", "time.stop_when_steady=false"]
     with subprocess.Popen(
         run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -385,26 +397,35 @@ sys.exit({function}())
 """
 
 
-def run_with_ctrl_c_at(name, folder, handler="signal.default_int_handler"):
+def with_ctrl_c_at(name, *words, handler="signal.default_int_handler"):
     code = CTRL_C_AT.format(module=MODULE, function=FUNCTION, name=name, handler=handler)
-    run = [sys.executable, "-c", code, "run", *QUICK, "--set", "time.end=0.01", "-o", str(folder)]
-    return subprocess.run(run, capture_output=True, text=True, check=False)
+    return subprocess.run(
+        [sys.executable, "-c", code, *words], capture_output=True, text=True, check=False
+    )
 
 
 @pytest.mark.parametrize(
-    "name", ["amoeboid.cli.main", "amoeboid.cli.branch", "numpy", "numba", "amoeboid.output.folder"]
+    "name",
+    [
+        "amoeboid.cli.main",
+        "amoeboid.cli.branch",
+        "numpy",
+        pytest.param("numba", marks=pytest.mark.slow),
+        "amoeboid.output.folder",
+    ],
 )
 def test_ctrl_c_during_imports_ends_the_program_quietly(name, tmp_path):
     """An exception would be lost in such a place, and the program would go on."""
-    done = run_with_ctrl_c_at(name, tmp_path / "run")
+    run = ["run", *QUICK, "--set", "time.end=0.01", "-o", str(tmp_path / "run")]
+    done = with_ctrl_c_at(name, *run)
     assert (done.returncode, done.stdout) == (130, ""), done.stderr
     assert done.stderr == "amoeboid: interrupted\n"
     assert not (tmp_path / "run").exists()
 
 
-def test_where_ctrl_c_is_ignored_it_stays_so(tmp_path):
+def test_where_ctrl_c_is_ignored_it_stays_so():
     """As in the background of a shell."""
-    done = run_with_ctrl_c_at("amoeboid.cli.main", tmp_path / "run", handler="signal.SIG_IGN")
+    done = with_ctrl_c_at("amoeboid.cli.main", "theory", handler="signal.SIG_IGN")
     assert done.returncode == 0, done.stderr
 
 
@@ -547,3 +568,10 @@ def test_whatever_ends_a_run_is_in_its_manifest(tmp_path, monkeypatch):
             assert main(run) == 130
         assert json.loads((folder / "manifest.json").read_text())["status"] == status
         shutil.rmtree(folder)
+
+
+def test_python_m_amoeboid_is_the_command():
+    run = [sys.executable, "-m", "amoeboid", "--version"]
+    done = subprocess.run(run, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("amoeboid ")

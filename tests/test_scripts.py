@@ -65,8 +65,8 @@ def test_observables_of_a_script_are_columns_of_a_run_and_of_tables(script, monk
         ("mine.py:__import__('os')", "SCRIPT.py:NAME"),
         ("other.py:rms_c", "is not a file"),
         ("mine.py:rms_v", "must register the observable 'rms_v'"),
-        ("broken.py:a", "raises ZeroDivisionError: division by zero"),
-        ("wrong.py:a", "raises SyntaxError"),
+        ("broken.py:a", "raised ZeroDivisionError: division by zero"),
+        ("wrong.py:a", "raised SyntaxError"),
         ("rms_v", "unknown observable"),
     ],
 )

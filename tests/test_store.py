@@ -657,9 +657,10 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path,
     assert "--resume" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kills", "subdivisions", "end"),
-    [(1, 1, 0.5), pytest.param(20, 2, 10.0, marks=pytest.mark.slow)],
+    [(1, 1, 0.5), (20, 2, 10.0)],
 )
 def test_killed_runs_are_resumed_bit_for_bit(kills, subdivisions, end, tmp_path):
     assert killed_runs(tmp_path, kills, subdivisions, end) == kills

@@ -1,7 +1,8 @@
 """Conditions on a cell as text, such as "polarity > 0.5": when a run ends.
 
-A condition compares expressions of observables, parameters, the time t and numbers; `and`, `or`
-and `not` join several. It is text, so that a file and the command line can hold it.
+A condition compares expressions of observables, parameters, the time t and numbers; parameters of
+your own law or stress have its name before theirs (`law.n`). `and`, `or` and `not` join several. It
+is text, so that a file and the command line can hold it.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ import operator
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
-from amoeboid.model.parameters import DIMENSIONS
-from amoeboid.validation import InvalidInput
+from amoeboid.model.parameters import DIMENSIONS, RELATIONS
+from amoeboid.validation import InvalidInput, refuse_unknown
 
 if TYPE_CHECKING:
+    from amoeboid.model.parameters import Parameters
     from amoeboid.observables import Cell, Observables
 
 _OPERATORS: Mapping[type, Callable[..., Any]] = {
@@ -38,6 +40,12 @@ EXAMPLE = "'polarity > 0.5' or 'c_front < 0.1*c0 and t > 5'"
 def condition(text: str) -> str:
     """The text of a condition, checked. Raises InvalidInput unless it compares what is known."""
     return ast.unparse(_tree(text))
+
+
+def refuse_unknown_parameters(text: str, p: Parameters) -> None:
+    """Raise InvalidInput if a condition has a parameter of law or stress that the cell lacks."""
+    own = {ast.unparse(node) for node in ast.walk(_tree(text)) if isinstance(node, ast.Attribute)}
+    refuse_unknown(sorted(own), p.names, "parameter")
 
 
 def holds(text: str, cell: Cell, t: float) -> bool:
@@ -87,6 +95,8 @@ def _why_not(node: ast.expr, truth: bool) -> str:
         return "" if number else f"{node.value!r} is not a number"
     elif isinstance(node, ast.Name):
         return _unknown(node.id)
+    elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in RELATIONS:
+        return ""
     else:
         return f"{ast.unparse(node)!r} is not allowed"
     return next((why for part, as_truth in parts if (why := _why_not(part, as_truth))), "")
@@ -114,7 +124,8 @@ def _value(node: Any, cell: Cell, t: float) -> Any:
             return t
         if node.id in _observables():
             return _observables()[node.id].value(node.id, cell)
-        return getattr(cell.parameters, node.id)
+    if isinstance(node, ast.Name | ast.Attribute):
+        return cell.parameters.value(ast.unparse(node))
     if isinstance(node, ast.BoolOp):
         every = isinstance(node.op, ast.And)
         return (all if every else any)(_value(part, cell, t) for part in node.values)

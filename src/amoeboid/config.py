@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path, PurePath
 from typing import Any
 
-from amoeboid.conditions import condition
+from amoeboid.conditions import condition, refuse_unknown_parameters
 from amoeboid.display import short_repr
 from amoeboid.model.changes import CHANGEABLE, Changes
 from amoeboid.model.cues import Cue, written_cue
@@ -144,8 +144,8 @@ class Time:
     )
     finish: str = choice(
         "wait",
-        "how a run reaches the steady cell: wait for it, or solve for it by Newton's method "
-        "once it is near",
+        "how a run reaches the steady cell: wait for it, or solve the steady equations once it "
+        "is near",
         FINISHES,
     )
     until: tuple[str, ...] = texts(
@@ -252,6 +252,8 @@ class Config:
                 "environment must be an environment such as amoeboid.Fluid() or a text such as "
                 f"'patch:30', got {self.environment!r}"
             )
+        for text in self.time.until:
+            refuse_unknown_parameters(text, self.parameters)
         checked_noise(self.noise)
         if self.cue is None:
             object.__setattr__(self, "cue", Cue())

@@ -107,13 +107,13 @@ def test_tables_for_people(capsys):
 
 
 @pytest.mark.parametrize(
-    "words",
+    ("suffix", "words"),
     [
-        ("steady",),
-        ("branch", "--set", "D=0.4", "--set", "delta_P=11", "--to", "8", "--max-step", "0.3"),
+        (".png", ("steady",)),
+        (".svg", ("branch", "--set", "D=0.4", "--set", "delta_P=11", "--to", "8",
+                  "--max-step", "0.3")),
     ],
-)
-@pytest.mark.parametrize("suffix", [".png", ".svg"])
+)  # fmt: skip
 def test_pictures_are_drawn(capsys, tmp_path, words, suffix):
     path = tmp_path / f"picture{suffix}"
     assert run(capsys, *words, "--plot", str(path))[0] == 0

@@ -3,6 +3,8 @@
 Values of steady states at D = 0.4, delta_P = 300 were computed with a separate prototype before.
 """
 
+import json
+
 import numpy as np
 import pytest
 
@@ -20,6 +22,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
     strong_residual,
 )
+from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed
 from amoeboid.closed_forms.linear import (
     critical_speed,
@@ -238,3 +241,20 @@ def test_onsets_in_friction_and_contractility_are_those_of_the_theory():
     q = am.Parameters(v_p0=2.0)
     (onset,) = onsets_anywhere(q, "chi")
     assert growth_rate(q.replace(chi=onset), 1) == pytest.approx(0.0, abs=1e-10)
+
+
+def test_steady_states_and_branches_tell_the_speed_that_friction_gives(capsys):
+    """U: that of `friction.velocity`, and that of the same friction as an environment."""
+    given = ["--set", "D=0.4", "--set", "v_p0=6", "--set", "gamma_t=1", "--set", "gamma_n=1"]
+    assert main(["steady", *given, "--json"]) == 0
+    state = json.loads(capsys.readouterr().out)["states"][-1]
+    known = am.steady_states(P.replace(gamma_t=1.0, gamma_n=1.0), (1,))
+    assert state["friction_speed"] == pytest.approx(0.944569, abs=1e-6)  # of docs/forces.md
+    assert known[-1].friction_speed == pytest.approx(state["friction_speed"], rel=1e-9)
+    assert "friction_speed" in repr(known)
+    assert known.columns["friction_speed"].values[0] == pytest.approx(0.0, abs=1e-12)
+    on_mesh = am.steady_state(known.parameters, mesh=am.Icosphere(2), start=known[-1])
+    # 162 nodes: as far below as max_retrograde_speed, some 1 %
+    assert on_mesh.number("friction_speed") == pytest.approx(0.944569, rel=0.015)
+    with pytest.raises(AttributeError):
+        _ = am.steady_states(P, (1,))[-1].friction_speed

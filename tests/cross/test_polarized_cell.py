@@ -95,9 +95,8 @@ def orders(errors):
     return np.log2(np.abs(np.array(errors[:-1]) / errors[1:]))
 
 
-@pytest.mark.parametrize(
-    "direction", [ALONG_EDGE, pytest.param(ALONG_VALENCE_FIVE, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", [ALONG_EDGE, ALONG_VALENCE_FIVE])
 def test_figure_3d_is_accurate_and_of_second_order_whatever_the_poles(direction):
     """642 and 2562 nodes; the poles are ordinary nodes, or two of the twelve of valence five."""
     errors = errors_on(Parameters(D=0.4, v_p0=6.0), (3, 4), direction)

@@ -24,6 +24,7 @@ def relative_error(p):
     return abs(speed / polarized(p).max_retrograde_speed - 1)
 
 
+@pytest.mark.slow
 def test_the_error_estimate_far_from_threshold_is_not_smaller_than_the_error():
     """Where cubic and next order cross by chance the estimate must not shrink."""
     estimates = []

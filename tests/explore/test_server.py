@@ -356,7 +356,7 @@ def test_from_python_it_runs_until_it_is_stopped():
     [
         (["--idle", "0"], "idle must be a number of seconds from 1"),
         (["-o", "nowhere"], "folder must be an existing folder"),
-        (["--set", "D=0.4"], "belong to --export"),
+        (["--set", "D=0.4"], "are only for --export"),
         (["--export", "page.pdf"], "must name a page"),
         (["--export", "nowhere/page.html"], "in a folder that exists"),
         (["--export", "page.html", "--set", "D=0"], "D must be > 0"),

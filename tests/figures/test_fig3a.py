@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from amoeboid import Parameters, figures, growth_rate, steady_states
 from amoeboid.closed_forms.linear import critical_speed
@@ -112,8 +113,12 @@ def test_figure_is_the_same_in_other_units(monkeypatch):
             other[key][name] * speed, one[key][name], rtol=1e-5, atol=1e-8, err_msg=name
         )
     assert other["branch"].unit("v_p0") == "L/T"
+    axes = Figure().add_subplot()
+    fig3a.draw(one, axes)
+    assert "3D, 162 nodes" in axes.get_legend_handles_labels()[1]  # those of the runs
 
 
+@pytest.mark.slow
 def test_run_is_the_same_in_other_units():
     p = Parameters(v_p0=3.8)
     one = computed.steady_run(p, COARSE, 0.03)

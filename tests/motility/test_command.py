@@ -75,6 +75,7 @@ def test_folder_of_a_run_and_surface_with_vectors(capsys, tmp_path):
         (["x.vtp", "--set", "D=0.4"], "leave them out"),
         (["--set", "time.end=3"], "takes only parameters"),
         (["--in", "fluid:1 mPa s"], "need a cell with units"),
+        (["--physical", "--in", "fluid:1"], "fluid.viscosity must have a unit, since the cell has"),
     ],
 )
 def test_mistakes_are_told_in_one_line(capsys, args, message):
@@ -99,3 +100,14 @@ def test_units_of_a_surface_are_two(capsys, tmp_path):
     assert main(["motility", str(path), "--units", "um"]) == 2
     assert "--units takes a length and a time" in capsys.readouterr().err
     assert main(["motility", str(tmp_path), "--json"]) == 2  # a folder without a run
+
+
+def test_a_cell_that_is_not_polarized_is_said_not_to_move(capsys):
+    resting = ["--set", "v_p0=1", "--in", "fluid"]
+    text = told(capsys, *resting)
+    assert text.splitlines()[-1] == "the cell is not polarized and does not move"
+    assert "velocity" not in text
+    assert json.loads(told(capsys, *resting, "--json"))["polarized"] is False
+    found = am.migrate(am.steady_states(am.Parameters(v_p0=1.0))[0])
+    assert "not polarized" in repr(found)
+    assert "not polarized" in found._repr_html_()

@@ -219,7 +219,7 @@ def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(
         ),
         ("polarity", "nothing is compared"),
         ("polarity == 1", "use >, >=, < or <="),
-        ("__import__('os') > 1", "has no meaning"),
+        ("__import__('os') > 1", "is not allowed"),
         ("polarity > ", "must be a comparison such as"),
         ("t > 'x'", "'x' is not a number"),
         ("cortex_drag_heading > 1", "is not t, a parameter"),
@@ -244,3 +244,15 @@ def test_conditions_compare_observables_parameters_and_the_time():
         assert am.when(text)(step) is expected, text
     with pytest.raises(am.InvalidInput, match=r"must have a value at t = 0\.1"):
         am.when("1/alpha > 1")(step)
+
+
+def test_conditions_name_parameters_of_an_own_law():
+    p = am.Parameters(D=0.4, v_p0=9.5, law=am.Custom("v_p0/(1 + (c/c_r)**n)", n=3.0))
+    run = am.simulate(p, mesh=SMALL, until=[am.when("t > 0.1*law.n"), am.time(1.0)])
+    assert run.ended == "t > 0.1 * law.n"
+    assert 0.3 < run.t[-1] < 1.0
+    for text in ("law.m > 1", "stress.n > 1"):
+        with pytest.raises(am.InvalidInput, match=r"is no parameter; allowed: .*law\.n"):
+            am.simulate(p, mesh=SMALL, until=am.when(text))
+    with pytest.raises(am.InvalidInput, match="has no meaning"):
+        am.when("t.n > 1")

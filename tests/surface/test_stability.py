@@ -158,6 +158,7 @@ def test_growth_rate_that_does_not_converge_has_a_known_error(monkeypatch):
 def test_missing_slow_modes_are_reported(monkeypatch):
     step = still(STIFF, 1)
     monkeypatch.setattr(stability, "MIN_FACTOR", 2.0)
+    monkeypatch.setattr(stability, "MAX_APPLICATIONS", 20)
     found = leading_growth_rate(step.model, step.state, step.flow)
     assert found.rate is None
     assert "no perturbation was found" in found.problem
@@ -181,7 +182,7 @@ def test_growth_rate_is_unknown_if_no_step_can_be_made(monkeypatch):
     [(Parameters(D=0.4, v_p0=5.0), 3), (STIFF, 5)],
 )
 def test_rigid_motions_that_do_not_change_the_cell_are_not_excluded(p, motions):
-    model, state = still(p, 3).model, still(p, 3).state
+    model, state = still(p, 2).model, still(p, 2).state
     g = geometry(state.r, model.mesh.faces)
     assert stability._excluded(model, state, g).shape[1] == motions
 
@@ -307,6 +308,7 @@ def test_rigid_motions_are_neutral_and_excluded(monkeypatch):
     assert abs(rate_of(step)) < 0.1
 
 
+@pytest.mark.slow
 def test_growth_rate_is_that_of_the_fastest_growing_mode():
     """Not the one with the largest factor: here one that oscillates, before one at -beta.
 

@@ -232,7 +232,7 @@ def test_cubic_amplitude_balances_the_amplitude_equation():
     filaments=st.floats(0.2, 5),
     mass=st.floats(0.2, 5),
 )
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_nu_and_branch_scale_with_the_units(length, time, filaments, mass):
     p = Parameters(alpha=0.05)
     density = filaments / length**2
@@ -254,7 +254,7 @@ def test_nu_and_branch_scale_with_the_units(length, time, filaments, mass):
 
 
 def test_phase_boundary_is_where_nu_vanishes_for_any_law():
-    c0 = np.linspace(0.5, 6, 12)
+    c0 = np.linspace(0.5, 6, 12)[::2]
     for law in LAWS:
         for changes in ({}, {"eta_b": 0.3, "alpha": 0.05, "beta": 0.6, "R0": 1.4}):
             p = Parameters(law=law, **changes)

@@ -145,6 +145,7 @@ def test_user_mistakes_get_one_message_and_exit_code_2(capsys, arguments, words,
     assert "Traceback" not in err
 
 
+@pytest.mark.slow
 def test_json_goes_through_a_real_process():
     run = subprocess.run(
         [sys.executable, "-c", "import amoeboid.cli.main as m; m.main()", "theory", "--json"],

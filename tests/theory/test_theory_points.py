@@ -52,6 +52,8 @@ def test_a_million_points_take_about_a_second(million, function, law):
         start = time.process_time()
         found = function(p)
         durations.append(time.process_time() - start)
+        if durations[-1] < 3:
+            break
     assert min(durations) < 3  # 0.1 to 1.2 s on the slowest machine; a loop would take minutes
     assert found.shape[0] == 10**6
     assert np.all(np.isfinite(found))

@@ -95,7 +95,8 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.runs.branches import branch
     from amoeboid.studies.branch import checked_window
 
-    p, names = only_parameters(args), observables_shown(args)
+    p = only_parameters(args)
+    names = observables_shown(args, p)
     checked_window(p, args.vary, args.start, args.end, ("--vary", "--from", "--to"))
     if not (math.isfinite(args.max_step) and args.max_step > 0):
         raise InvalidInput(f"--max-step must be > 0 and finite, got {args.max_step:g}")

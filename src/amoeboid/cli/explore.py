@@ -29,29 +29,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         default=Path(),
         metavar="DIR",
-        help="the folder that runs are saved in from the page (the present one)",
+        help="folder in which the page saves runs (default: the current one)",
     )
     parser.add_argument(
         "--idle",
         type=real,
         default=600.0,
         metavar="SECONDS",
-        help="end when no page has been open for so long (600)",
+        help="stop if no page has been open for this time (default: 600)",
     )
     parser.add_argument(
-        "--no-browser", action="store_true", help="print the address, and open no browser"
+        "--no-browser", action="store_true", help="print the address without opening a browser"
     )
     parser.add_argument(
         "--export",
         type=Path,
         metavar="FILE",
-        help="write a page into one file (.html) that works without a server and asks no host: the "
-        "branches in v_p0 for five values of D, about the parameters of --set; without a 3D cell",
+        help="write a page into one file (.html) that works without a server and a network: the "
+        "branches in v_p0 for five values of D around the parameters of --set, without the "
+        "3D cell",
     )
     parser.epilog = (
-        "The page is served on this computer alone, to those who have its address with the token.\n"
-        "Ctrl-C ends it. --set and --physical are for --export; the page has sliders.\n"
-        "Needs pip install 'amoeboid[explore]', except for --export."
+        "The page is served only on this computer, and only with the token in its address. "
+        "Ctrl-C stops the server. --set and --physical are for --export; the page has sliders.\n"
+        "Except for --export this needs pip install 'amoeboid[explore]'.\n"
+        "examples:\n"
+        "  amoeboid explore\n"
+        "  amoeboid explore --export explorer.html"
     )
 
 
@@ -64,7 +68,9 @@ def execute(args: argparse.Namespace) -> int:
     from amoeboid.explorer.server import Server
 
     if args.settings or args.physical:
-        raise InvalidInput("--set and --physical belong to --export; the page has sliders for them")
+        raise InvalidInput(
+            "--set and --physical are only for --export; the page has sliders instead"
+        )
     folder = checked_folder(args.output)
     checked_idle(args.idle)
     check_packages()

@@ -111,6 +111,11 @@ def execute(args: argparse.Namespace) -> int:
         return 0
     if parameters is not None:
         say_parameters(parameters)
+    if not next(iter(found.values())).polarized:
+        from amoeboid.studies.migration import UNPOLARIZED
+
+        say(UNPOLARIZED)
+        return 0
     _print_table(found)
     if own:
         unit = next(iter(found.values())).unit("speed")
@@ -178,6 +183,7 @@ def _document(found: dict[str, Migration]) -> dict[str, Any]:
             name: {key: _number(m.number(source)) for key, source in KEYS.items()}
             for name, m in found.items()
         },
+        "polarized": one.polarized,
         "front": one.front.tolist(),
         "squirmer_modes": one.number("squirmer_modes"),
         "beta": one.number("beta"),

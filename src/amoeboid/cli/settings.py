@@ -102,13 +102,13 @@ def add_observables(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def observables_shown(args: argparse.Namespace) -> tuple[str, ...]:
+def observables_shown(args: argparse.Namespace, p: Parameters) -> tuple[str, ...]:
     """The observables that tables show, those of `--observe` last. Raises InvalidInput."""
     from amoeboid.cli.scripts import observed_names
     from amoeboid.studies import observed
-    from amoeboid.studies.states import SHOWN
+    from amoeboid.studies.states import shown
 
-    return tuple(dict.fromkeys((*SHOWN, *observed.checked(observed_names(args.observe)))))
+    return tuple(dict.fromkeys((*shown(p), *observed.checked(observed_names(args.observe)))))
 
 
 def only_parameters(args: argparse.Namespace) -> Parameters:

@@ -34,6 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "1, 2, 3.\n"
         "columns:\n"
         "  c_front, c_rear  lowest and highest concentration on the surface\n"
+        "  friction_speed   with friction: speed of the cell towards its front\n"
         "  stable           whether every perturbation of shape and concentration with m = "
         "0, 1, 2, 3 decays\n"
         "example:\n"
@@ -46,7 +47,8 @@ def execute(args: argparse.Namespace) -> int:
     """Search, print, draw."""
     from amoeboid.studies.states import states_rows, steady_states
 
-    p, names = only_parameters(args), observables_shown(args)
+    p = only_parameters(args)
+    names = observables_shown(args, p)
     check_picture(args.plot)
     with shown() as watch:
         found = steady_states(p, watch=watch)

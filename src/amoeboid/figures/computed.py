@@ -114,6 +114,11 @@ def branch_table(p: Parameters, name: str, found: dict[str, Any]) -> Table:
     return Table("steady states by the axisymmetric solver", columns)
 
 
+def nodes(subdivisions: int) -> str:
+    """How many nodes a mesh has, in words."""
+    return f"{Icosphere(subdivisions).n_nodes} nodes"
+
+
 def runs_table(
     p: Parameters, name: str, values: ArrayLike, rows: Sequence[Any], subdivisions: int
 ) -> Table:
@@ -125,8 +130,8 @@ def runs_table(
     errors = [[_number(row[key]) for row in rows] for key in ERRORS]
     columns |= {key: column_of(p, found, "L/T") for key, found in zip(ERRORS, errors, strict=True)}
     columns |= {key: column_of(p, [row[key] for row in rows]) for key in ("polarized", "steady")}
-    fine, coarse = (Icosphere(n).n_nodes for n in (subdivisions, subdivisions - 1))
-    about = f"the ends of 3D runs on {fine} nodes; mesh errors from runs on {coarse} nodes"
+    fine, coarse = (nodes(n) for n in (subdivisions, subdivisions - 1))
+    about = f"the ends of 3D runs on {fine}; mesh errors from runs on {coarse}"
     return Table(about, columns)
 
 

@@ -40,9 +40,10 @@ def reverse_cuthill_mckee(row_start: Index, columns: Index) -> Index:
     order goes from a node of least degree through its neighbors, those of lower degree first,
     then through theirs, and is reversed at last; equal ones stay in the order of their numbers.
 
-    >>> reverse_cuthill_mckee(np.array([0, 2, 5, 7]), np.array([0, 2, 1, 2, 0, 1, 2])[[0, 1, 2, 3,
-    ...     5, 6, 4]])
-    array([0, 2, 1])
+    Of a path 0 - 2 - 1:
+
+    >>> reverse_cuthill_mckee(np.array([0, 2, 4, 7]), np.array([0, 2, 1, 2, 0, 1, 2]))
+    array([1, 2, 0])
     """
     degree = np.diff(row_start)
     seen = np.zeros(len(degree), dtype=bool)

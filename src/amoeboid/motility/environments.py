@@ -121,6 +121,11 @@ def _number(label: str, given: Any, about: Any, units: Units | None) -> float:
         plain = isinstance(given, int | float | np.number) and not isinstance(given, bool)
         if plain and given == 0:
             return 0.0
+        if plain:
+            raise InvalidInput(
+                f"{label} must have a unit, since the cell has units, such as "
+                f"{EXAMPLES[dimension]!r}, got {given:g}"
+            )
         value = measured(label, given, dimension, EXAMPLES[dimension]) / units.of(dimension)
     if not (math.isfinite(value) and value >= 0.0):
         raise InvalidInput(f"{label} must be >= 0 and finite, got {given!r}")

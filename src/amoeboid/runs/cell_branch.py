@@ -11,6 +11,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.observables import OBSERVABLES
 from amoeboid.runs.steady_cell import PATH
+from amoeboid.studies import observed
 from amoeboid.studies.branch import HOPF, Branch, SpecialPoint
 from amoeboid.studies.columns import Column, column, physical_number, quantity, text, titled
 
@@ -99,16 +100,16 @@ class CellBranch(Branch):
             return f", the stability of {unknown} not asked for"
         return super()._stable_count(piece)
 
-    @staticmethod
-    def observables() -> tuple[str, ...]:
+    def observables(self) -> tuple[str, ...]:
         """The names of what every cell has a number for."""
         known = tuple(name for name, one in OBSERVABLES.items() if not one.vector)
-        return (*known, *PATH)
+        of_friction = observed.OF_FRICTION if self.parameters.has_friction else ()
+        return (*known, *of_friction, *PATH)
 
     @staticmethod
     def dimension(name: str) -> str | None:
         """The dimension of such a number; None where none is stated."""
-        return PATH[name] if name in PATH else OBSERVABLES[name].dimension
+        return PATH[name] if name in PATH else observed.dimension(name)
 
     def _state_columns(self) -> dict[str, Column]:
         p, found = self.parameters, {}

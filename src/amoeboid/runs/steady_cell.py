@@ -18,9 +18,10 @@ from amoeboid.meshes.checks import placed
 from amoeboid.meshes.connectivity import connectivity
 from amoeboid.meshes.geometry import volume_centroid
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
-from amoeboid.observables import OBSERVABLES, cortex_drag_velocity, polarization
+from amoeboid.observables import cortex_drag_velocity, polarization
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.snapshot import SHOWN, Snapshot
+from amoeboid.studies import observed
 from amoeboid.studies.columns import physical_number, quantity, text
 from amoeboid.studies.recorded import Recorded, single, title
 from amoeboid.studies.states import SteadyState, steady_states
@@ -224,16 +225,16 @@ class SteadyCell(Snapshot):
             return float(np.linalg.norm(v)) / self._turning if self._turns else np.inf
         if name == "torsion":
             return float(omega @ v) / float(v @ v) if self._turns else 0.0
-        return OBSERVABLES[name].values(name, self.cell)[0]
+        return observed.of_cell(self.cell, name)
 
     def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
         """The observables `names` as programs read them, in the units that texts show."""
         p = self.parameters
-        return {n: physical_number(p, self.number(n), OBSERVABLES[n].dimension) for n in names}
+        return {n: physical_number(p, self.number(n), observed.dimension(n)) for n in names}
 
     def text(self, name: str) -> str:
         """The observable `name` with its unit, if the cell has physical ones."""
-        return text(self.parameters, self.number(name), OBSERVABLES[name].dimension)
+        return text(self.parameters, self.number(name), observed.dimension(name))
 
     def _way(self) -> list[tuple[str, Any]]:
         rows: list[tuple[str, Any]] = [("path", self.path)]

@@ -99,8 +99,9 @@ def time(t: Any) -> At:
 def when(text: str) -> When:
     """The event that the condition `text` holds: "polarity > 0.5", "c_front < 0.1*c0 and t > 5".
 
-    It compares expressions of observables, yours included, of parameters, of the time t and of
-    numbers. The run ends with the first step at whose end it holds. Raises InvalidInput.
+    It compares expressions of observables, yours included, of parameters (`law.n` of your own
+    law), of the time t and of numbers. The run ends with the first step at whose end it holds.
+    Raises InvalidInput.
 
     >>> import amoeboid as am
     >>> am.simulate(mesh=am.Icosphere(1), until=am.when("c_rear > 4*c0"))

@@ -142,10 +142,9 @@ class Branch:
         """Whether each state is stable (points,)."""
         return np.array([state.stable for state in self.states], dtype=bool)
 
-    @staticmethod
-    def observables() -> tuple[str, ...]:
+    def observables(self) -> tuple[str, ...]:
         """The names of what every state has a number for."""
-        return observed.names()
+        return observed.names_of(self.parameters)
 
     @staticmethod
     def dimension(name: str) -> str | None:
@@ -411,11 +410,11 @@ def shown_branch(p: Parameters, found: BranchSolution) -> Branch:
 
 
 def _special(kind: str, name: str, m: int, b: BranchPoint, piece: int) -> SpecialPoint:
-    return SpecialPoint(kind, name, m, _state(b), piece, b.point.length)
+    return SpecialPoint(kind, name, m, _state(b, m), piece, b.point.length)
 
 
-def _state(b: BranchPoint) -> SteadyState:
+def _state(b: BranchPoint, neutral: int | None = None) -> SteadyState:
     """The state of a point, with the growth rates that are known already."""
-    state = SteadyState(b.state)
+    state = SteadyState(b.state, neutral)
     state._known_rates.update(b.rates)
     return state

@@ -18,9 +18,9 @@ from amoeboid.motility.balance import Motion, motion
 from amoeboid.motility.cells import MeasuredCell, surface_of
 from amoeboid.motility.environments import Environment
 from amoeboid.motility.squirmer import squirmer_modes
-from amoeboid.motility.surfaces import TANGENTIAL
+from amoeboid.motility.surfaces import TANGENTIAL, front_of
 from amoeboid.motility.words import environment
-from amoeboid.observables import max_retrograde_speed
+from amoeboid.observables import max_retrograde_speed, polarization
 from amoeboid.studies.columns import Column, frame
 from amoeboid.studies.recorded import Recorded
 from amoeboid.threads import one_thread
@@ -45,6 +45,8 @@ NUMBERS = {
 ROUNDING = 1e-13
 """Components of vectors below this are shown as 0."""
 
+UNPOLARIZED = "the cell is not polarized and does not move"
+
 SHOWN = ("speed", "velocity_over_max_retrograde_speed", "angular_velocity", "power", "efficiency")
 
 
@@ -55,7 +57,8 @@ class Migration:
     Axes are those of the cell: z along the axis of an axisymmetric one, those of its nodes for one
     in 3D. With physical units, numbers are quantities. `motion` holds them as plain numbers, like
     `fastest`, the maximum of the retrograde speed, and `modes` (n,), those of a squirmer. `surface`
-    says in words what migrates.
+    says in words what migrates. `polarized`: whether the cell has a front; one without does not
+    move.
     """
 
     environment: Environment
@@ -64,6 +67,7 @@ class Migration:
     modes: Array
     units: Units | None
     surface: str
+    polarized: bool = True
 
     @property
     def speed(self) -> Any:
@@ -200,12 +204,15 @@ class Migration:
         return frame(self.columns)
 
     def __repr__(self) -> str:
-        values = ", ".join(f"{name} = {_text(self, name)}" for name in SHOWN)
+        values = UNPOLARIZED
+        if self.polarized:
+            values = ", ".join(f"{name} = {_text(self, name)}" for name in SHOWN)
         return f"Migration(in {_short(self.environment)}: {values}; {self.surface})"
 
     def _repr_html_(self) -> str:
         rows = [(name, _text(self, name)) for name in (*SHOWN, "error", "beta")]
-        return html_table(f"Migration in {_short(self.environment)}", rows)
+        note = "" if self.polarized else f"<p>{UNPOLARIZED}</p>"
+        return html_table(f"Migration in {_short(self.environment)}", rows) + note
 
 
 def _component(name: str, k: int) -> str:
@@ -269,9 +276,12 @@ def migrations(
         fastest = float(lengths.max())
     else:
         fastest = max_retrograde_speed(cell)
+    polarized = isinstance(cell, MeasuredCell) or front_of(polarization(cell)) is not None
     modes = squirmer_modes(surface)
     return [
-        Migration(one, motion(surface, one.of(units)), fastest, modes, units, repr(surface))
+        Migration(
+            one, motion(surface, one.of(units)), fastest, modes, units, repr(surface), polarized
+        )
         for one in wanted
     ]
 

@@ -53,10 +53,12 @@ class SteadyState:
 
     Every observable of docs/notation.md that such a state has is an attribute:
     `state.max_retrograde_speed`, `state.c_front`. With physical parameters, numbers are quantities
-    with units. `solution` is the state in plain numbers, as the solver found it.
+    with units. `solution` is the state in plain numbers, as the solver found it. `neutral`: at a
+    fold or a bifurcation, the azimuthal number m of the mode that neither grows nor decays.
     """
 
     solution: SteadySolution
+    neutral: int | None = None
 
     @property
     def parameters(self) -> Parameters:
@@ -64,12 +66,12 @@ class SteadyState:
         return self.solution.parameters
 
     def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name not in observed.names():
+        if name.startswith("_") or name not in observed.names_of(self.parameters):
             raise AttributeError(f"a steady state has no attribute {name!r}")
         return quantity(self.parameters, self.number(name), observed.dimension(name))
 
     def __dir__(self) -> list[str]:
-        return sorted({*object.__dir__(self), *observed.names()})
+        return sorted({*object.__dir__(self), *observed.names_of(self.parameters)})
 
     def number(self, name: str) -> float:
         """The observable `name` as a plain number in the units of the solver."""
@@ -92,7 +94,17 @@ class SteadyState:
     @property
     def stable(self) -> bool:
         """Whether every perturbation of shape and concentration with m = 0, 1, 2, 3 decays."""
-        return not any(self.unstable_modes.values())
+        return self.stability == "stable"
+
+    @property
+    def stability(self) -> str:
+        """In a word: stable, unstable, or neutral where one mode neither grows nor decays."""
+        growing = dict(self.unstable_modes)
+        if self.neutral in growing:  # of the neutral one rounding decides
+            growing[self.neutral] = max(0, growing[self.neutral] - 1)
+        if any(growing.values()):
+            return "unstable"
+        return "stable" if self.neutral is None else "neutral"
 
     def growth_rates(self, m: int = 1) -> Any:
         """Growth rates of perturbations exp(i m phi), complex, fastest first [1/T].
@@ -145,11 +157,15 @@ class SteadyState:
         """Draw the outline, colored by c, front up. Takes and returns axes."""
         return plotted(self, "branches.draw_state", ax)
 
-    def plain(self, names: Sequence[str] = SHOWN) -> dict[str, float]:
-        """The observables `names` as programs read them, in the units of `physical_units`."""
+    def plain(self, names: Sequence[str] | None = None) -> dict[str, float]:
+        """The observables `names` as programs read them, in the units of `physical_units`.
+
+        Without names those of `shown`.
+        """
         p = self.parameters
         return {
-            name: physical_number(p, self.number(name), observed.dimension(name)) for name in names
+            name: physical_number(p, self.number(name), observed.dimension(name))
+            for name in (shown(p) if names is None else names)
         }
 
     def text(self, name: str) -> str:
@@ -158,11 +174,11 @@ class SteadyState:
 
     def __repr__(self) -> str:
         shown = ", ".join(f"{name} = {self.text(name)}" for name in SHOWN[:3])
-        return f"SteadyState({shown}, {'stable' if self.stable else 'unstable'})"
+        return f"SteadyState({shown}, {self.stability})"
 
     def _repr_html_(self) -> str:
         columns = states_columns(self.parameters, [self])
-        heading = f"{'Stable' if self.stable else 'Unstable'} steady state"
+        heading = f"{self.stability.capitalize()} steady state"
         rows = [(name, c.texts[0], c.unit) for name, c in columns.items()]
         return html_table(heading, rows, ("name", "value", "unit")) + html_picture(
             self, "branches.draw_state"
@@ -245,8 +261,13 @@ class SteadyStates(Sequence[SteadyState]):
 
     def _repr_html_(self) -> str:
         notes = shortened(self.problems, 20, "problems", 500)
-        columns = {name: self.columns[name] for name in (*SHOWN, "stable")}
+        columns = {name: self.columns[name] for name in (*shown(self.parameters), "stable")}
         return html(self._heading, columns, notes) + html_picture(self, "branches.draw_outlines")
+
+
+def shown(p: Parameters) -> tuple[str, ...]:
+    """The observables in tables of states of a cell: with friction, its speed too."""
+    return (*SHOWN, *observed.OF_FRICTION) if p.has_friction else SHOWN
 
 
 def states_table(
@@ -263,10 +284,11 @@ def states_table(
 
 
 def states_rows(
-    states: Sequence[SteadyState], names: Sequence[str] = SHOWN
+    states: Sequence[SteadyState], names: Sequence[str] | None = None
 ) -> tuple[list[str], list[list[str]]]:
     """Titles and cells of the table of states that commands print, with these observables."""
     p = states[0].parameters
+    names = shown(p) if names is None else names
     columns = [
         column(p, [state.number(name) for state in states], observed.dimension(name))
         for name in names
@@ -297,7 +319,7 @@ def states_columns(p: Parameters, states: Sequence[SteadyState]) -> dict[str, Co
     """All observables of states, whether they are stable and how many of their modes grow."""
     found = {
         name: column(p, [s.number(name) for s in states], observed.dimension(name))
-        for name in observed.names()
+        for name in observed.names_of(p)
     }
     found["stable"] = column(p, np.array([s.stable for s in states], dtype=bool))
     for m in AZIMUTHAL_NUMBERS:

@@ -12,7 +12,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.config import Initial
-from amoeboid.figures import sections
+from amoeboid.figures import computed, sections
 from amoeboid.figures.drawing import SYMBOLS
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
@@ -226,7 +226,7 @@ def _notes(p: Parameters, circle: dict[str, float], turned: Array) -> tuple[str,
             f"{name} {text(p, circle[start + name], d, '.5g')}" for name, d in dimensions.items()
         )
 
-    fitted = f"last whole turn on 642 nodes: {told('')}"
+    fitted = f"last whole turn on {computed.nodes(SUBDIVISIONS)}: {told('')}"
     if np.isnan(circle["reference_turning"]):
         return (
             fitted,
@@ -262,7 +262,7 @@ def draw(data: FigureData, axes: Any) -> None:
         radius = sections.amount(float(circle["radius"][0]), unit, 4)
         axes.plot(
             path["x"][last], path["y"][last], color=INK, lw=1.0, zorder=2,
-            label=f"642 nodes, radius {radius}",
+            label=f"{computed.nodes(SUBDIVISIONS)}, radius {radius}",
         )  # fmt: skip
     if last.any() and np.isfinite(known):
         center = (float(circle["center_x"][0]), float(circle["center_y"][0]))

@@ -87,7 +87,7 @@ def _ends(p: Parameters, unit: float, window: tuple[float, float]) -> list[Any]:
 
 
 def compute(p: Parameters, results: Results) -> FigureData:
-    """The branches on 642 nodes, and where they leave each other."""
+    """The branches on these nodes, and where they leave each other."""
     if p.beta == 0.0:
         raise InvalidInput("beta must be > 0 here, got 0: rates of rotation are in units of beta")
     found = results.of(turning_branches, p, SUBDIVISIONS, task="3D branches of turning cells")
@@ -111,7 +111,9 @@ def compute(p: Parameters, results: Results) -> FigureData:
         "turning": column_of(p, [point[2] for point in points], "1/T"),
     }
     tables = {
-        "branches": Table("steady cells on 642 nodes, branch after branch", table),
+        "branches": Table(
+            f"steady cells on {computed.nodes(SUBDIVISIONS)}, branch after branch", table
+        ),
         "points": Table("bifurcations between them", special),
     }
     notes = [f"{what} at v_p0 = {text(p, at, 'L/T', '.6g')}" for what, at, _ in points]

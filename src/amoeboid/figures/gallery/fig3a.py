@@ -46,7 +46,7 @@ def draw(data: FigureData, axes: Any) -> None:
     """The retrograde flow over the polymerization speed."""
     drawing.draw_theory(axes, data["theory"])
     drawing.draw_branch(axes, data["branch"])
-    drawing.draw_runs(axes, data["runs"], "3D, 642 nodes")
+    drawing.draw_runs(axes, data["runs"], f"3D, {computed.nodes(SUBDIVISIONS)}")
     drawing.mark_threshold(axes, data["threshold"])
     drawing.name_axes(axes, data["runs"], "v_p0", "max_retrograde_speed")
     drawing.show_window(axes, data["theory"]["v_p0"])

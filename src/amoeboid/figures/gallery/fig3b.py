@@ -21,7 +21,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
 def draw(data: FigureData, axes: Any) -> None:
     """The retrograde flow over the polymerization speed."""
     drawing.draw_theory(axes, data["theory"])
-    drawing.draw_hysteresis(axes, data, "3D, 642 nodes")
+    drawing.draw_hysteresis(axes, data, f"3D, {computed.nodes(SUBDIVISIONS)}")
 
 
 FIGURE = Figure(

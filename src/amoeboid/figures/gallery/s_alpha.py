@@ -19,6 +19,7 @@ from amoeboid.plotting.palette import BLUE, GRAY, INK, ORANGE
 from amoeboid.studies.columns import text
 
 SUBDIVISIONS = 3
+NODES = computed.nodes(SUBDIVISIONS)
 STIFFNESS = "M L^2/(T^2 N)"
 SHEAR_MODULUS, THICKNESS = 300.0, 190e-9
 """The paper's estimate of G [Pa] and h [m]."""
@@ -46,7 +47,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
         results.of(computed.mesh_threshold, q, SUBDIVISIONS, task="growth rates of the 3D shell")
         for q in meshed
     ]
-    tables["shell"] = _thresholds(p, meshed, thresholds, "growth rates of the 3D shell, 642 nodes")
+    tables["shell"] = _thresholds(p, meshed, thresholds, f"growth rates of the 3D shell, {NODES}")
     notes = [f"threshold without stiffness = {text(p, float(critical_speed(_soft(p))), 'L/T')}"]
     if p.units is not None:
         estimate = SHEAR_MODULUS * THICKNESS / measured("c0", PAPER_CELL["c0"], "N/L^2", "1 / um^2")
@@ -104,7 +105,7 @@ def draw(data: FigureData, axes: Any) -> None:
     axes.plot(formula["alpha"] * shown, formula["printed"], "--", color=ORANGE, label="as printed")
     for key, words, style in (
         ("axisymmetric", "axisymmetric solver", {"marker": "o", "mfc": "none", "color": INK}),
-        ("shell", "3D shell, 642 nodes", {"marker": "x", "color": INK}),
+        ("shell", f"3D shell, {NODES}", {"marker": "x", "color": INK}),
     ):
         table = data[key]
         axes.plot(

@@ -20,7 +20,7 @@ def compute(p: Parameters, results: Results) -> FigureData:
 
 def draw(data: FigureData, axes: Any) -> None:
     """The retrograde flow over the polymerization speed, and the threshold as a line."""
-    drawing.draw_hysteresis(axes, data, "3D, 642 nodes")
+    drawing.draw_hysteresis(axes, data, f"3D, {computed.nodes(SUBDIVISIONS)}")
     drawing.draw_threshold_line(axes, data["threshold"])
 
 
