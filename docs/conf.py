@@ -34,7 +34,7 @@ extensions = [
     "public_names",
     "declared_fields",
 ]
-exclude_patterns = ["_build", "_ext", "_templates", "**/.ipynb_checkpoints"]
+exclude_patterns = ["_build", "gallery/*.ipynb", "_ext", "_templates", "**/.ipynb_checkpoints"]
 templates_path = ["_templates"]
 nitpicky = False  # a name in a docstring is a link where it is a public one, see _ext/public_names
 

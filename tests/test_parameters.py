@@ -59,6 +59,21 @@ def test_zero_is_refused_only_where_the_model_breaks(name):
         assert getattr(Parameters(**{name: 0}), name) == 0.0
 
 
+def test_a_cell_with_units_is_changed_by_quantities():
+    cell = Parameters.physical(D="1 um^2/s")
+    assert cell.replace(v_p0="2 um/s") == Parameters.physical(D="1 um^2/s", v_p0="2 um/s")
+    assert cell.replace(v_p0=cell.quantity(2.0, "L/T")).v_p0 == pytest.approx(2.0, rel=1e-12)
+    assert cell.replace(v_p0=2.0).v_p0 == 2.0  # in the units of the cell
+    with pytest.raises(InvalidInput, match="v_p0 must have the dimension L/T"):
+        cell.replace(v_p0="2 um")
+    with pytest.raises(InvalidInput, match="v_p0 must be a finite number"):
+        Parameters().replace(v_p0="2 um/s")
+
+
+def test_a_format_of_numbers_keeps_short_units():
+    assert f"{Parameters.physical().quantity(1.0, 'L/T'):.2f}".replace(" ", "") == "1.00µm/s"
+
+
 def test_unknown_names_are_refused_with_a_suggestion():
     with pytest.raises(InvalidInput, match="did you mean eta_s"):
         parameters_from({"eta_S": 1.0})

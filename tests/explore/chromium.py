@@ -17,7 +17,8 @@ import pytest
 from websockets.sync.client import connect
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
-PATIENCE = 90.0
+PATIENCE = 300.0
+"""Seconds: only what never comes takes so long, and the machine may be busy."""
 ARGUMENTS = (
     "--headless=new",
     "--remote-debugging-port=0",
@@ -97,8 +98,8 @@ class Browser:
             if "method" in answer:
                 self.events.append(answer)
 
-    def open(self, address, width=1280, height=900, dark=False, touch=False):
-        """A tab that shows a page."""
+    def open(self, address, width=1280, height=900, dark=False, touch=False, still=False):
+        """A tab that shows a page; `still` where the system asks for less motion."""
         target = self.call("Target.createTarget", url="about:blank")["targetId"]
         session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         tab = Tab(self, target, session)
@@ -108,8 +109,13 @@ class Browser:
             "Emulation.setDeviceMetricsOverride",
             width=width, height=height, deviceScaleFactor=1, mobile=touch,
         )  # fmt: skip
-        scheme = {"name": "prefers-color-scheme", "value": "dark" if dark else "light"}
-        tab.call("Emulation.setEmulatedMedia", features=[scheme])
+        wanted = {
+            "prefers-color-scheme": "dark" if dark else "light",
+            "prefers-reduced-motion": "reduce" if still else "no-preference",
+        }
+        features = [{"name": name, "value": value} for name, value in wanted.items()]
+        tab.call("Emulation.setEmulatedMedia", features=features)
+        tab.call("Emulation.setScrollbarsHidden", hidden=True)
         tab.call("Page.navigate", url=address)
         return tab
 
@@ -177,8 +183,12 @@ class Tab:
 
     def key(self, key):
         """Press a key."""
+        number = {"Tab": 9, "Enter": 13}.get(key, 0)
         for kind in ("keyDown", "keyUp"):
-            self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key)
+            self.call(
+                "Input.dispatchKeyEvent",
+                type=kind, key=key, code=key, windowsVirtualKeyCode=number,
+            )  # fmt: skip
 
     def picture(self, path, whole=True):
         """Save what is seen as a PNG file."""

@@ -13,7 +13,7 @@ from websockets.sync.client import connect
 
 from command import COMMAND
 
-PATIENCE = 60.0
+PATIENCE = 200.0
 
 
 @contextmanager

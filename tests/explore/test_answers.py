@@ -14,6 +14,7 @@ from amoeboid.explorer.files import content, live_page, offline_page
 from amoeboid.explorer.point import parameters_of
 from amoeboid.explorer.presets import PRESETS, SLIDERS, offered
 from amoeboid.explorer.words import verdict
+from amoeboid.studies.theory import theories
 
 P = am.Parameters(D=0.4, v_p0=5.5)
 
@@ -109,6 +110,24 @@ def test_a_computation_ends_by_an_exception_of_its_watch():
     assert next(answers)["kind"] == "theory"
     with pytest.raises(Stop):
         next(answers)
+
+
+@pytest.mark.parametrize(
+    "p",
+    [
+        am.Parameters.physical(D="0.3 um^2/s"),
+        P.replace(gamma_t=0.3, delta_P=8.0),
+        P.replace(law="v_p0/(1 + (c/c_r)**2)", kappa=0.1),
+    ],
+    ids=["physical", "friction", "law"],
+)
+def test_the_theory_at_several_speeds_is_that_of_each(p):
+    speeds = [p.v_p0 * factor for factor in (0.5, 1.6)]
+    for found, v_p0 in zip(theories(p, speeds), speeds, strict=True):
+        alone = am.theory(p.replace(v_p0=v_p0))
+        assert found.parameters == alone.parameters
+        assert found.parameters.units == p.units
+        assert repr(found.summary) == repr(alone.summary)
 
 
 def test_presets_and_sliders_are_parameters():

@@ -16,27 +16,6 @@ FRAME = "explorer.live.latest"
 ABOVE, BELOW, BISTABLE = 7.5, 3.0, 5.5
 
 
-@pytest.fixture(scope="module")
-def chromium():
-    with browser() as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with explorer(cwd=tmp_path_factory.mktemp("pages")) as found:
-        yield found
-
-
-@pytest.fixture
-def tab(chromium, server):
-    found = chromium.open(server[1])
-    found.until("explorer.known.states && explorer.live.latest")
-    yield found
-    assert found.events("Runtime.exceptionThrown") == []
-    found.close()
-
-
 def at(tab, v_p0):
     """The page at a v_p0, once its states are known."""
     tab.type_value("v_p0", str(v_p0))
@@ -193,7 +172,7 @@ def test_a_fifth_page_keeps_saying_why_it_does_not_work(chromium, server):
 def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
     path = tmp_path / "page.html"
     assert main(["explore", "--export", str(path), "--set", "D=0.4", "--set", "v_p0=5.5"]) == 0
-    assert path.stat().st_size < 600_000
+    assert path.stat().st_size < 400_000
     tab = chromium.open(path.as_uri())
     tab.until("explorer.known.states")
     assert tab.value("explorer.known.branch.folds[0].x") == pytest.approx(5.2096, abs=1e-3)
@@ -209,10 +188,11 @@ def test_a_page_in_one_file_asks_no_host(chromium, tmp_path):
 
 
 def test_a_killed_browser_leaves_no_process():
-    with browser() as own, explorer("--idle", "10") as (process, address):
+    # the page must open within this time, also on a busy machine
+    with browser() as own, explorer("--idle", "30") as (process, address):
         own.open(address).until("explorer.live.latest")
         below = children(process.pid)
         assert len(below) == 2
         kill(own.process)
-        assert process.wait(60) == 0
+        assert process.wait(150) == 0
         assert gone(below)

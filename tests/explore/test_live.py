@@ -123,7 +123,35 @@ def test_the_presets_that_circle_do_so_within_ten_units_of_time(name):
         axis = polarization(cell.step.cell)
         axes.append(axis / np.linalg.norm(axis))
     turned = [np.degrees(np.arccos(a @ b)) for a, b in pairwise(axes)]
-    assert turned[1] > 20.0  # it goes on turning long after the poke; a circle takes 37
+    assert turned[1] > 20.0  # it goes on turning long after the poke; a circle takes 33
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "least", "most"), [("circling", 0.0, 0.05), ("helix", 0.5, 0.6)])
+def test_the_path_of_the_preset_has_the_torsion_of_its_name(name, least, most):
+    """Torsion over curvature: 0 for a circle; 0.55 for the helix of docs/large-deformation.md."""
+    preset = next(preset for preset in PRESETS if preset.name == name)
+    p = parameters_of(preset.units, preset.values)
+    cell = LiveCell(Recipe(p, subdivisions=2 if name == "helix" else 3, start=preset.start))
+    times, places = [], []
+    while cell.step.state.t < 45.0:
+        cell.pass_time(0.1)
+        if not times or cell.step.state.t > times[-1]:
+            times.append(cell.step.state.t)
+            places.append(np.array(cell.step.state.position))
+    assert not cell.problem
+    late = np.array(times) > 30.0
+    t, x = np.array(times)[late], np.array(places)[late]
+    fit = [
+        np.polynomial.Polynomial.fit(t, column, 6 if name == "circling" else 14) for column in x.T
+    ]
+    middle = np.linspace(t[0] + 3.0, t[-1] - 3.0, 10)
+    v, a, j = (np.stack([f.deriv(n)(middle) for f in fit], axis=1) for n in (1, 2, 3))
+    normal = np.cross(v, a)
+    torsion = np.sum(normal * j, axis=1) / np.sum(normal**2, axis=1)
+    curvature = np.linalg.norm(normal, axis=1) / np.linalg.norm(v, axis=1) ** 3
+    found = np.abs(np.mean(torsion / curvature))
+    assert least <= found < most
 
 
 def test_a_pause_stops_time():

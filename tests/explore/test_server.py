@@ -6,7 +6,6 @@ import socket
 import struct
 import sys
 import time
-from http.client import HTTPConnection
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -17,8 +16,10 @@ from websockets.sync.client import connect
 
 import amoeboid as am
 from amoeboid.cli.main import main
-from amoeboid.explorer.server import MAX_WAITING, _new_folder
+from amoeboid.explorer.lines import new_folder
+from amoeboid.explorer.server import MAX_WAITING
 from amoeboid.explorer.server import Page as Connected
+from explore.requests import got
 from explore.serving import Page, children, explorer, gone, origin_of
 
 D4 = {"D": 0.4, "v_p0": 5.5}
@@ -39,21 +40,6 @@ def address(server):
 def page(address):
     with Page(address) as page:
         yield page
-
-
-def got(address, path="", headers=None, host=None):
-    """Status and body of a request, with exactly these headers."""
-    parts = urlsplit(address)
-    connection = HTTPConnection(parts.hostname, parts.port, timeout=20)
-    connection.putrequest("GET", parts.path + path, skip_host=True)
-    connection.putheader("Host", host or parts.netloc)
-    for name, value in (headers or {}).items():
-        connection.putheader(name, value)
-    connection.endheaders()
-    answer = connection.getresponse()
-    body = answer.read()
-    connection.close()
-    return answer, body
 
 
 def test_the_page_and_its_files_come_with_a_policy_that_loads_nothing_else(address):
@@ -249,10 +235,10 @@ def test_a_live_cell_can_be_changed_poked_stopped_and_saved(page, server, tmp_pa
 
 
 def test_two_servers_in_one_folder_never_save_to_the_same_place(tmp_path):
-    assert _new_folder(tmp_path).name == "explored-1"
-    assert _new_folder(tmp_path).name == "explored-2"
+    assert new_folder(tmp_path).name == "explored-1"
+    assert new_folder(tmp_path).name == "explored-2"
     with pytest.raises(am.InvalidInput, match="a folder that takes them"):
-        _new_folder(tmp_path / "removed")
+        new_folder(tmp_path / "removed")
 
 
 def test_what_waits_for_a_page_that_takes_nothing_is_bounded():

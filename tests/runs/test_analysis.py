@@ -7,6 +7,7 @@ import pytest
 
 import amoeboid as am
 from amoeboid.numerics.spherical_harmonics import real_harmonic
+from amoeboid.plotting.runs import LONGEST_ARROW
 from amoeboid.runs.analysis import along_axis, axis, power_by_degree
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.surface.cell import SurfaceCell
@@ -107,3 +108,18 @@ def test_a_cell_is_drawn_on_given_axes():
     axes = Figure().add_subplot()
     assert Snapshot(cell.model, cell.state, cell.flow).plot(axes) is axes
     assert len(axes.collections) == 1
+
+
+def test_a_picture_of_a_cell_shows_its_flow_and_its_rear_to_the_right():
+    from matplotlib.figure import Figure
+    from matplotlib.quiver import Quiver
+
+    polarized = am.steady_states(am.Parameters(D=0.4, v_p0=6.0), (1,)).fastest_stable
+    run = am.simulate(
+        polarized.parameters, mesh=am.Icosphere(2), initial=polarized, until=am.time(0.01)
+    )
+    axes = run.final.plot(Figure().add_subplot())
+    (arrows,) = (child for child in axes.get_children() if isinstance(child, Quiver))
+    # the flow runs from the front to the rear, which is on the right
+    assert arrows.U.mean() > 0.2
+    assert 0.3 < np.hypot(arrows.U, arrows.V).max() <= LONGEST_ARROW

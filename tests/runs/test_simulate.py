@@ -11,6 +11,7 @@ from amoeboid.config import Config, Initial, Mesh, Output, Time
 from amoeboid.observables import observed
 from amoeboid.runs.snapshot import FIELDS
 from amoeboid.simulation.loop import evolve, start
+from surface.written import ellipsoid, sliver
 
 P = am.Parameters(D=0.4, v_p0=6.0)
 SMALL = am.Icosphere(1)
@@ -183,6 +184,24 @@ def test_a_shape_of_your_own_is_a_mesh(solution, tmp_path):
     path.write_text("\n".join(lines))
     other = am.simulate(P, mesh=am.Surface(path), until=am.time(0.1))
     np.testing.assert_allclose(other.final.c, found.final.c, rtol=1e-9)
+
+
+def test_nodes_and_faces_of_slivers_are_repaired_on_request():
+    r, faces = sliver()
+    with pytest.raises(am.InvalidInput, match="or set repair=True"):
+        am.simulate(P, mesh=am.Surface(r, faces), until=am.time(0.1))
+    shape = am.Surface(r, faces, repair=True, subdivisions=1)
+    found = am.simulate(P, mesh=shape, until=am.time(0.1))
+    assert 30 < len(found.final.c) < 60
+    assert any("remeshed" in change for change in found.adapted.repairs)
+    assert am.Surface(*ellipsoid()).cell(P).repairs == ()
+
+
+def test_the_fineness_of_a_repair_needs_a_repair():
+    with pytest.raises(am.InvalidInput, match="subdivisions must come with repair=True"):
+        am.Surface("cell.ply", subdivisions=2)
+    with pytest.raises(am.InvalidInput, match=r"mesh\.subdivisions must be a whole number"):
+        am.Surface("cell.ply", repair=True, subdivisions=0)
 
 
 def test_a_run_starts_as_another_cell(solution):

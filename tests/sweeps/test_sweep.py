@@ -2,8 +2,10 @@
 
 import functools
 import pickle
+import sys
 import warnings
 from concurrent.futures import ThreadPoolExecutor
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -207,6 +209,31 @@ def test_what_is_recorded_is_chosen_by_name():
     assert list(found) == ["status", "why", "warnings", "threshold"]
     found = am.sweep(am.grid(P, v_p0=[6.0]), am.theory, record=["treshold"])
     assert "did you mean threshold?" in found.failed[0].why
+
+
+def scaled(p, by):
+    return {"scaled": by * p.D}
+
+
+def test_a_table_names_its_solver_without_the_arguments():
+    table = am.sweep(am.grid(D=[0.1, 0.2]), functools.partial(scaled, by=2.5))
+    assert repr(table).startswith("Sweep of scaled at 2 points in D")
+
+
+def test_a_function_of_a_program_on_standard_input_is_a_solver(monkeypatch):
+    typed = ModuleType("typed")
+    typed.__file__ = "<stdin>"
+    monkeypatch.setitem(sys.modules, "typed", typed)
+    exec("def double(p):\n    return {'double': 2 * p.D}\n", typed.__dict__)  # noqa: S102  (our own text)
+    assert am.sweep(am.grid(D=[0.1, 0.2]), typed.double)["double"].values.tolist() == [0.2, 0.4]
+
+
+def test_coordinates_of_physical_cells_are_selected_by_what_was_given():
+    given = [700.0, 1000.0, 1370.0, 2000.0, 3000.0]
+    points = am.grid(am.Parameters.physical(), c0=[f"{c} / um^2" for c in given])
+    threshold = am.sweep(points, am.theory, record="threshold")["threshold"]
+    assert threshold.c0.values.tolist() == given
+    assert threshold.sel(c0=1370).item() == pytest.approx(1.4606, abs=1e-4)
 
 
 def test_physical_cells_are_recorded_in_customary_units():

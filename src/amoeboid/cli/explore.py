@@ -82,7 +82,8 @@ def execute(args: argparse.Namespace) -> int:
             say(f"the explorer is at {server.address}", "Ctrl-C ends it")
         if not args.no_browser:
             # a browser that runs in the terminal returns when it is left only
-            Thread(target=webbrowser.open, args=(server.address,), daemon=True).start()
+            opening = (server.address_once(),)
+            Thread(target=webbrowser.open, args=opening, daemon=True).start()
 
     asyncio.run(_serve(Server(folder, args.idle), started))
     return 0

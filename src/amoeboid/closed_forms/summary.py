@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from amoeboid.arrays import Array
 from amoeboid.closed_forms.amplitude import (
     bifurcation,
     cubic_coefficient,
@@ -89,20 +91,65 @@ class Summary:
     notes: tuple[str, ...]
 
 
+@dataclass(frozen=True, kw_only=True)
+class _AtThreshold:
+    """What `Weakly` says about the threshold, with notes, and why the error is not known, if so."""
+
+    v_p_critical: float
+    nu: float
+    m_2: float
+    r_2: float
+    bifurcation: str
+    nu_infinite_pressure: float
+    nu_5_infinite_pressure: float | None
+    bifurcation_infinite_pressure: str
+    delta_P_star: float | None
+    trusted_distance: float | None
+    notes: tuple[str, ...]
+    no_estimate: str
+
+
 def summary(p: Parameters) -> Summary:
     """The summary of one point. Raises InvalidInput where the law is not defined at c0."""
-    rates = growth_rate(p, np.arange(1, L_MAX + 1))
+    (found,) = summaries(p, (p.v_p0,))
+    return found
+
+
+def summaries(p: Parameters, speeds: Iterable[float]) -> tuple[Summary, ...]:
+    """The summaries at several v_p0 [L/T]: thresholds and what belongs to them are found once.
+
+    Raises InvalidInput where the law is not defined at c0.
+    """
+    points = [p.replace(v_p0=v_p0) for v_p0 in speeds]
+    growing = [growth_rate(q, np.arange(1, L_MAX + 1)) for q in points]
+    found, first = thresholds(p), first_mode(p, L_MAX)
+    threshold, notes = _at_threshold(p, found)
+    return tuple(
+        _summary(q, rates, found, first, threshold, notes)
+        for q, rates in zip(points, growing, strict=True)
+    )
+
+
+def _summary(
+    p: Parameters,
+    rates: Array,
+    found: Thresholds,
+    first: FirstMode | None,
+    threshold: _AtThreshold | None,
+    notes: Sequence[str],
+) -> Summary:
     growth_rates = {l: float(rate) for l, rate in enumerate(rates, start=1)}
+    degrees = range(2, L_MAX + 1)
+    pairs = finite_pressure_rates(p, np.array(degrees))
     finite = {
-        l: (complex(slow), complex(fast))
-        for l in range(2, L_MAX + 1)
-        for slow, fast in [finite_pressure_rates(p, l)]
+        l: (complex(slow), complex(fast)) for l, (slow, fast) in zip(degrees, pairs, strict=True)
     }
-    found = thresholds(p)
-    first = first_mode(p, L_MAX)
     growing = [l for l, (slow, _) in finite.items() if slow.real > 0]
-    weakly, notes = _weakly(p, found)
-    notes += _first_mode_notes(p, first, found, weakly)
+    weakly, all_notes = None, [*notes]
+    if threshold is not None:
+        weakly, more = _weakly(p, threshold)
+        all_notes += more
+    all_notes += _first_mode_notes(p, first, found, weakly)
     speed, more = _speed(p.v_p0, growth_rates[1], growing, weakly)
     return Summary(
         zeta0=float(base_tension(p)),
@@ -112,19 +159,20 @@ def summary(p: Parameters) -> Summary:
         thresholds=found,
         weakly=weakly,
         max_retrograde_speed=speed,
-        notes=(*notes, *more),
+        notes=(*all_notes, *more),
     )
 
 
-def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]:
+def _at_threshold(p: Parameters, found: Thresholds) -> tuple[_AtThreshold | None, tuple[str, ...]]:
+    """What does not depend on v_p0; None and the reason without an amplitude equation."""
     if found.reason:
-        return None, [f"no threshold: {found.reason}"]
+        return None, (f"no threshold: {found.reason}",)
     at, rigid = p.replace(v_p0=float(critical_speed(p))), infinite_pressure(p)
     try:
         m_2, r_2 = _slaved(at)
         kind, rigid_kind = str(bifurcation(p)), str(bifurcation(rigid))
     except InvalidInput as error:
-        return None, [f"no amplitude equation: {error}"]
+        return None, (f"no amplitude equation: {error}",)
     notes = []
     if found.v_p0.size > 1:
         notes.append("this law has several thresholds; nu and the flow refer to the lowest")
@@ -134,19 +182,19 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
             f"the bifurcation is {kind} at this pressure and {rigid_kind} for delta_P -> infinity, "
             f"where nu is {shown(p.quantity(rigid_nu, NU))}"
         )
-    star, state = None, steady_amplitude(p)
+    star = None
     try:
         star = float(critical_pressure(p))
     except InvalidInput as error:
         notes.append(f"no delta_P*: {error}")
-    nu_5, predicted, distance = None, None, None
+    nu_5, distance, no_estimate = None, None, ""
     try:
         nu_5 = float(normal_form_at_infinite_pressure(p).nu_5)
-        predicted, distance = prediction(p), float(trusted_distance(p))
+        distance = float(trusted_distance(p))
     except InvalidInput as error:
-        notes.append(f"no error estimate: {error}")
+        no_estimate = str(error)
     return (
-        Weakly(
+        _AtThreshold(
             v_p_critical=at.v_p0,
             nu=float(cubic_coefficient(p)),
             m_2=m_2,
@@ -156,10 +204,39 @@ def _weakly(p: Parameters, found: Thresholds) -> tuple[Weakly | None, list[str]]
             nu_5_infinite_pressure=nu_5,
             bifurcation_infinite_pressure=rigid_kind,
             delta_P_star=star,
+            trusted_distance=distance,
+            notes=tuple(notes),
+            no_estimate=no_estimate,
+        ),
+        (),
+    )
+
+
+def _weakly(p: Parameters, at: _AtThreshold) -> tuple[Weakly, list[str]]:
+    """What the amplitude equation says at a v_p0, and notes."""
+    state, notes = steady_amplitude(p), [*at.notes]
+    nu_5, predicted, distance = at.nu_5_infinite_pressure, None, None
+    try:
+        if at.no_estimate:
+            raise InvalidInput(at.no_estimate)
+        predicted, distance = prediction(p), at.trusted_distance
+    except InvalidInput as error:
+        notes.append(f"no error estimate: {error}")
+    return (
+        Weakly(
+            v_p_critical=at.v_p_critical,
+            nu=at.nu,
+            m_2=at.m_2,
+            r_2=at.r_2,
+            bifurcation=at.bifurcation,
+            nu_infinite_pressure=at.nu_infinite_pressure,
+            nu_5_infinite_pressure=nu_5,
+            bifurcation_infinite_pressure=at.bifurcation_infinite_pressure,
+            delta_P_star=at.delta_P_star,
             state=state,
             max_retrograde_speed=float(flow_speed_at_threshold(p, state.amplitude)),
             prediction=predicted,
-            rho_2=_rho_2(p, state, m_2),
+            rho_2=_rho_2(p, state, at.m_2),
             trusted_distance=distance,
         ),
         notes,

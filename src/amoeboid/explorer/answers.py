@@ -5,8 +5,10 @@ Numbers are in the units of the parameters; `None` stands for what is not known.
 
 from __future__ import annotations
 
+import math
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,7 @@ from amoeboid.axisymmetric.progress import Watch
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS
 from amoeboid.axisymmetric.steady import homogeneous
 from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate
+from amoeboid.closed_forms.points import points as at_points
 from amoeboid.explorer.along import curves, nearest_window, states_at
 from amoeboid.explorer.words import verdict
 from amoeboid.model.parameters import Parameters
@@ -44,9 +47,13 @@ ENVIRONMENTS = ("fluid", "matrix", "patch:30", "channel:30", "cortex")
 Answer = dict[str, Any]
 MAX_STEP = 0.3
 POINTS = 61  # along a meridian
-SPHERE_POINTS = 60
+SPHERE_POINTS, SPHERE_TRIALS = 25, 1200
+"""Where the sphere is drawn, and where its stability is looked at."""
+
 MAX_KEPT = 48
 DIGITS = 5  # of what the page draws
+PROFILE_DIGITS = 4
+"""Of the largest number of a profile or an outline; all its numbers end at the same digit."""
 
 
 class Kept:
@@ -78,6 +85,11 @@ class Answers:
     def __init__(self, points: int = POINTS) -> None:
         self._points, self.window = points, (0.0, 0.0)
         self.theories, self.branches, self.drawn, self.states = Kept(), Kept(), Kept(), Kept()
+
+    def know(self, found: Iterable[Theory]) -> None:
+        """Keep what the theory says about points, as if they had been asked for."""
+        for one in found:
+            self.theories.get((one.parameters, one.parameters.units), partial(_itself, one))
 
     def of(self, p: Parameters, name: str, watch: Watch) -> Iterator[Answer]:
         """Theory, branch in the parameter `name`, and states at the point, in this order.
@@ -118,11 +130,23 @@ class Answers:
         return 0.5 * value, 2.0 * value
 
 
+def _itself(found: Theory) -> Theory:
+    return found
+
+
 def _shown(p: Parameters, values: Any, dimension: str | None) -> Any:
     """Numbers as the page shows them, with a few digits."""
     found = np.asarray(magnitude(p, np.asarray(values, dtype=float), dimension))
     flat = [float(f"{x:.{DIGITS}g}") for x in found.ravel()]
     return flat if found.ndim else flat[0]
+
+
+def _drawn(p: Parameters, values: Array, dimension: str) -> list[float]:
+    """Numbers along a curve, all to the digit that counts for the largest of them."""
+    found = np.asarray(magnitude(p, np.asarray(values, dtype=float), dimension))
+    largest = float(np.abs(found).max())
+    decimals = PROFILE_DIGITS - 1 - math.floor(math.log10(largest)) if largest > 0 else 0
+    return [float(v) + 0.0 for v in np.round(found, decimals)]
 
 
 def theory_answer(found: Theory) -> Answer:
@@ -190,13 +214,19 @@ def branch_answer(p: Parameters, found: Branch, window: Sequence[float]) -> Answ
 
 
 def _sphere(p: Parameters, name: str, window: Sequence[float], dimension: str | None) -> Answer:
-    """The homogeneous sphere along the window: observables, and whether it is stable."""
-    values = np.linspace(window[0], window[1], SPHERE_POINTS)
-    points = [p.replace(**{name: float(value)}) for value in values]
-    states = [SteadyState(homogeneous(q)) for q in points]
+    """The homogeneous sphere along the window: observables, and whether it is stable.
+
+    Where its stability changes it has two points, one on each side.
+    """
+    trials = np.linspace(window[0], window[1], SPHERE_TRIALS)
+    stable = sphere_is_stable(p, name, trials)
+    changes = np.flatnonzero(stable[1:] != stable[:-1])
+    even = np.linspace(0, SPHERE_TRIALS - 1, SPHERE_POINTS).astype(int)
+    at = np.unique(np.concatenate([even, changes, changes + 1]))
+    states = [SteadyState(homogeneous(p.replace(**{name: float(v)}))) for v in trials[at]]
     return {
-        "x": _shown(p, values, dimension),
-        "stable": [_sphere_is_stable(q) for q in points],
+        "x": _shown(p, trials[at], dimension),
+        "stable": stable[at].tolist(),
         "y": {
             o: _shown(p, [_number_of(s, o) for s in states], observed.dimension(o))
             for o in OBSERVED
@@ -204,9 +234,12 @@ def _sphere(p: Parameters, name: str, window: Sequence[float], dimension: str | 
     }
 
 
-def _sphere_is_stable(p: Parameters) -> bool:
-    slow = [finite_pressure_rates(p, l)[0] for l in range(2, 7)]
-    return bool(growth_rate(p, 1) < 0 and all(np.real(rate) < 0 for rate in slow))
+def sphere_is_stable(p: Parameters, name: str, values: Array) -> Array:
+    """Whether the modes l = 1 to 6 of the sphere decay at values (N,) of a parameter; (N,)."""
+    many = at_points(p, **{name: values[:, None]})
+    slow = finite_pressure_rates(many, np.arange(2, 7))[..., 0]
+    first = growth_rate(many, 1)[:, 0]
+    return np.asarray((first < 0) & np.all(slow.real < 0, axis=1))
 
 
 def states_answer(
@@ -242,11 +275,10 @@ def _state(p: Parameters, state: SteadyState, resting: bool, points: int) -> Ans
         "unstable_modes": {str(m): count for m, count in state.unstable_modes.items()},
         "numbers": {o: _shown(p, _number_of(state, o), observed.dimension(o)) for o in OBSERVED},
         "texts": {o: text(p, _number_of(state, o), observed.dimension(o), ".4g") for o in OBSERVED},
-        "r": _shown(p, r, "L"),
-        "z": _shown(p, z, "L"),
-        "theta": _shown(p, np.arctan2(r, z), None),
-        "c": _shown(p, state.solution.concentration(x), "N/L^2"),
-        "u": _shown(p, state.solution.flow(x), "L/T"),
+        "r": _drawn(p, r, "L"),
+        "z": _drawn(p, z, "L"),
+        "c": _drawn(p, state.solution.concentration(x), "N/L^2"),
+        "u": _drawn(p, state.solution.flow(x), "L/T"),
         "migration": {} if resting else _migration(p, state),
         "rates": [
             [float(f"{x:.{DIGITS}g}") for x in (rate.real, rate.imag)]

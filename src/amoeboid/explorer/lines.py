@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 from shutil import which
 from typing import Any
@@ -12,9 +13,27 @@ from amoeboid.exports.export import export
 from amoeboid.extras import installed
 from amoeboid.runs.solution import Solution, simulate
 from amoeboid.runs.stored import load
+from amoeboid.validation import InvalidInput
 
 MAX_PICTURES = 240
 """Of a movie; of a longer run every second frame is shown, or every third, and so on."""
+
+
+def new_folder(base: Path) -> Path:
+    """A new, empty folder, which no one else gets: explored-1, explored-2 and so on.
+
+    Raises InvalidInput.
+    """
+    for k in count(1):
+        path = base / f"explored-{k}"
+        try:
+            path.mkdir()
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InvalidInput(f"runs must be saved in a folder that takes them: {error}") from None
+        return path
+    raise AssertionError
 
 
 def made_again(

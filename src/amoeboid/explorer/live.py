@@ -83,7 +83,7 @@ class LiveCell:
             try:
                 with one_thread:
                     self._before, self._step = self._step, next_step(self._step, self._time)
-            except (Diverged, InvalidInput, ArithmeticError) as error:
+            except (Diverged, InvalidInput, ArithmeticError, np.linalg.LinAlgError) as error:
                 self.problem = f"the run cannot continue: {error}"
             if time.monotonic() - began > budget:
                 break

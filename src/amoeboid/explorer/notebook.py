@@ -61,6 +61,11 @@ class Explorer:
         """The address of the page; who has it can use the explorer, on this computer alone."""
         return "" if self._server is None else self._server.address
 
+    def open(self) -> None:
+        """Show the page in the browser, by an address that is good once."""
+        if self._server is not None and self.running:
+            webbrowser.open(self._server.address_once())
+
     @property
     def running(self) -> bool:
         """Whether the server still runs."""
@@ -112,7 +117,7 @@ def explore(*, folder: Any = ".", idle: float = IDLE, browser: bool | None = Non
     check_packages()
     explorer = Explorer(path, float(idle))
     if browser if browser is not None else not in_notebook():
-        webbrowser.open(explorer.address)
+        explorer.open()
     return explorer
 
 

@@ -7,20 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.axisymmetric.progress import Watch, unwatched
+from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.explorer.answers import Answer, Answers
 from amoeboid.explorer.files import offline_page
 from amoeboid.explorer.point import PHYSICAL, SIMULATION
 from amoeboid.explorer.presets import shown, shown_values
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.atomic import write_atomically
+from amoeboid.studies.theory import theories
 from amoeboid.validation import InvalidInput
 
 NAME = "D"
-FACTORS = (0.1, 0.25, 0.5, 1.0, 2.0)
+FACTORS = (0.1, 0.4, 1.0, 2.0)
 """The branches are those at these multiples of D."""
 
-SPEEDS = 25
+SPEEDS = 13
+"""Values of v_p0 whose states are shown, besides that of the point itself."""
+
 POINTS = 31
 
 
@@ -43,7 +46,7 @@ def precomputed(p: Parameters, watch: Watch = unwatched) -> dict[str, Any]:
     if p.D <= 0:
         raise InvalidInput(f"D must be > 0 for a page with several of them, got {p.D:g}")
     answers = Answers(points=POINTS)
-    values = [float(f"{factor * p.D:.3g}") for factor in FACTORS]
+    values = [p.D if factor == 1.0 else float(f"{factor * p.D:.3g}") for factor in FACTORS]
     branches: list[dict[str, Any]] = []
     for value in values:
         q = p.replace(D=value)
@@ -53,8 +56,12 @@ def precomputed(p: Parameters, watch: Watch = unwatched) -> dict[str, Any]:
             raise InvalidInput(
                 f"a page needs a branch, at D = {value:g} there is none: {branch['problems'][0]}"
             )
-        speeds = np.linspace(0.0, answers.window[1], SPEEDS)
-        points = [_point(answers, q.replace(v_p0=float(v)), watch) for v in speeds]
+        speeds = np.unique([*np.linspace(0.0, answers.window[1], SPEEDS), p.v_p0])
+        answers.know(theories(q, [float(v) for v in speeds]))
+        points = []
+        for k, v_p0 in enumerate(speeds, start=1):
+            watch(Progress(f"states of the page, D = {value:g}", "v_p0", float(v_p0), 0, k))
+            points.append(_point(answers, q.replace(v_p0=float(v_p0)), watch))
         branches.append(
             {
                 "value": shown(p, value, p.dimension(NAME)),

@@ -18,6 +18,7 @@ class Slider:
     low: float
     high: float
     logarithmic: bool = False
+    rare: bool = False  # shown among the further parameters
 
 
 SLIDERS = (
@@ -27,11 +28,15 @@ SLIDERS = (
     Slider(name="c0", low=1.0, high=8.0),
     Slider(name="beta", low=0.1, high=10.0, logarithmic=True),
     Slider(name="eta_b", low=0.1, high=10.0, logarithmic=True),
-    Slider(name="alpha", low=0.0, high=2.0),
-    Slider(name="gamma_t", low=0.0, high=2.0),
-    Slider(name="kappa", low=0.0, high=1.0),
-    Slider(name="chi", low=0.0, high=1.0),
+    Slider(name="alpha", low=0.0, high=2.0, rare=True),
+    Slider(name="chi", low=0.0, high=1.0, rare=True),
+    Slider(name="kappa", low=0.0, high=1.0, rare=True),
+    Slider(name="gamma_t", low=0.0, high=2.0, rare=True),
+    Slider(name="gamma_n", low=0.0, high=2.0, rare=True),
+    Slider(name="gamma_c", low=0.0, high=2.0, rare=True),
+    Slider(name="gamma_share", low=0.0, high=1.0, rare=True),
 )
+"""All parameters but R0, eta_s and c_r, which set the units, and those of law and stress."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,8 +105,8 @@ PRESETS = (
     Preset(
         name="circling",
         title="A circling cell",
-        note="A soft, fast cell bends: it loses its axis and runs in circles, one in 37 units of "
-        "time. A poke from the side begins it.",
+        note="A soft, fast cell bends: it loses its axis and runs in circles, one in about 35 "
+        "units of time. A poke from the side begins it.",
         values={"D": 0.4, "v_p0": 8.0, "delta_P": 20.0},
         start="turned",
         pace=4,
@@ -167,6 +172,7 @@ def _sliders(units: str) -> list[dict[str, Any]]:
                 "low": low,
                 "high": high,
                 "logarithmic": slider.logarithmic,
+                "rare": slider.rare,
             }
         )
     return found

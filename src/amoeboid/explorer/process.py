@@ -18,6 +18,15 @@ PATIENCE = 2.0
 """Seconds that a worker has to end by itself."""
 
 
+def ended(kind: str) -> dict[str, str]:
+    """What a page is told about a process that has ended, or was killed, without saying why."""
+    message = {
+        "answers": "The computation was ended from outside; change a parameter to start it again.",
+        "live": "The process of the cell was ended from outside; restart the cell.",
+    }[kind]
+    return {"kind": "failed", "message": message}
+
+
 class Worker:
     """A process of `explorer.worker`; `received` is called with the kind and each message of it."""
 
@@ -50,12 +59,17 @@ class Worker:
         self._reading = asyncio.create_task(self._read(self._process))
 
     async def _read(self, process: asyncio.subprocess.Process) -> None:
-        stream = process.stdout
+        stream, told = process.stdout, False
         assert stream is not None  # noqa: S101
         with suppress(asyncio.IncompleteReadError, ConnectionError):
             while True:
                 length, kind = struct.unpack("<Ic", await stream.readexactly(5))
-                self._received(kind.decode(), await stream.readexactly(length))
+                data = await stream.readexactly(length)
+                told = data.startswith(b'{"kind": "failed"')
+                self._received(kind.decode(), data)
+        await process.wait()  # what is sent from now on starts another one
+        if self._process is process and not told:  # nobody here has ended it
+            self._received("T", json.dumps(ended(self._kind)).encode())
 
     async def end(self) -> None:
         """End the process: it does so when its input ends, or is killed."""

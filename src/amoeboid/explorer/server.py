@@ -21,6 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from amoeboid.explorer.files import CONTENT_TYPES, content, live_page
+from amoeboid.explorer.peers import is_of_another_user
 from amoeboid.explorer.process import Worker
 from amoeboid.validation import InvalidInput
 
@@ -30,6 +31,9 @@ MAX_MESSAGE = 32 * 2**20  # bytes; a surface from a file
 MAX_TEXT = 2**16
 MAX_WAITING = 1000  # messages to a page that does not take them
 MAX_NUMBER = 2**53
+ONCE, MAX_ONCE = "once", 120.0
+"""The first part of the address that is good once, and for how many seconds it is."""
+
 SURFACES = (".stl", ".ply", ".obj", ".vtp")
 HEADERS = {
     "X-Content-Type-Options": "nosniff",
@@ -78,11 +82,22 @@ class Server:
         self._answers = Worker("answers", self._answered)
         self._left = time.monotonic()
         self._stop = asyncio.Event()
+        self._once = ""
+        self._once_until = 0.0
 
     @property
     def address(self) -> str:
         """The address of the page, with the token."""
         return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def address_once(self) -> str:
+        """An address that leads to the page once, soon, and only a program of this user.
+
+        Every user of a computer can list the programs that run, with their arguments: a browser
+        that is started with it gives nothing away. A newer one replaces it.
+        """
+        self._once, self._once_until = secrets.token_urlsafe(24), time.monotonic() + MAX_ONCE
+        return f"http://{HOST}:{self.port}/{ONCE}/{self._once}"
 
     def stop(self) -> None:
         """End serving."""
@@ -92,21 +107,24 @@ class Server:
         """Serve; `started` is called once the address is known. Raises OSError."""
         from websockets.asyncio.server import serve
 
-        async with serve(
-            self._serve_page, HOST, port, process_request=self._answer_request, compression=None,
-            max_size=MAX_MESSAGE, server_header=None, origins=None,
-        ) as serving:  # fmt: skip
-            self.port = next(iter(serving.sockets)).getsockname()[1]
-            watching = asyncio.create_task(self._end_when_idle())
-            try:
-                started(self)
-                await self._answers.send({"page": 0, "gone": True})  # it imports while a page opens
-                await self._stop.wait()
-            finally:
-                watching.cancel()
-                for page in list(self._pages.values()):
-                    await page.connection.close(1001, "the server ends")
-                await self._answers.end()
+        try:
+            # it imports, and computes what every page asks for first, while a page opens
+            await self._answers.send({"page": 0, "gone": True})
+            async with serve(
+                self._serve_page, HOST, port, process_request=self._answer_request,
+                compression=None, max_size=MAX_MESSAGE, server_header=None, origins=None,
+            ) as serving:  # fmt: skip
+                self.port = next(iter(serving.sockets)).getsockname()[1]
+                watching = asyncio.create_task(self._end_when_idle())
+                try:
+                    started(self)
+                    await self._stop.wait()
+                finally:
+                    watching.cancel()
+                    for page in list(self._pages.values()):
+                        await page.connection.close(1001, "the server ends")
+        finally:
+            await self._answers.end()
 
     async def _end_when_idle(self) -> None:
         while True:
@@ -116,30 +134,47 @@ class Server:
 
     # who may ask
 
-    def refusal(self, host: list[str], origin: list[str], path: str, live: bool) -> str:
-        """Why a request is refused; empty if it is not."""
+    def refusal(self, host: list[str], origin: list[str]) -> str:
+        """Why a request is refused, by where it comes from; empty if it is not."""
         names = [f"{name}:{self.port}" for name in (HOST, "localhost")]
         if len(host) != 1 or host[0] not in names:
             return "the host must be this computer"
-        if any(one not in [f"http://{name}" for name in names] for one in origin):
+        if len(origin) > 1 or any(
+            one not in [f"http://{name}" for name in names] for one in origin
+        ):
             return "the page must come from this server"
-        if live and len(origin) != 1:
-            return "a live connection must come from a page of this server"
-        token = path.removeprefix("/").partition("/")[0]
-        if not hmac.compare_digest(token.encode(), self.token.encode()):
-            return "the address must have the token that the program has printed"
         return ""
+
+    def _opened_once(self, connection: Any, code: str) -> Any:
+        """The answer to the address that is good once: where the page is, or a refusal."""
+        known = self._once and time.monotonic() < self._once_until
+        if not known or not _same(code, self._once):
+            return _refused(
+                "this address leads to the page once only, and soon; use the one that the program "
+                "has printed. If nobody has opened the page, somebody else may have: end the "
+                "program and start it again"
+            )
+        if is_of_another_user(connection.remote_address, connection.local_address):
+            return _refused("the page is that of another user of this computer")
+        self._once = ""
+        where = {"Location": f"/{self.token}/"}
+        return _response(HTTPStatus.SEE_OTHER, b"", "text/plain", where)
 
     def _answer_request(self, connection: Any, request: Any) -> Any:
         """The answer to a request, or None for a live connection that may be made."""
         path = request.path.partition("?")[0]
-        name = path.removeprefix("/").partition("/")[2]
+        token, _, name = path.removeprefix("/").partition("/")
         host, origin = (request.headers.get_all(key) for key in ("Host", "Origin"))
-        why = self.refusal(host, origin, path, name == "live")
+        why = self.refusal(host, origin)
         if why:
-            return _response(HTTPStatus.FORBIDDEN, f"Refused: {why}.\n".encode(), "text/plain")
+            return _refused(why)
+        if token == ONCE:
+            return self._opened_once(connection, name)
+        if not _same(token, self.token):
+            return _refused("the address must have the token that the program has printed")
         if name == "live":
-            return None
+            why = "" if origin else "a live connection must come from a page of this server"
+            return _refused(why) if why else None
         if name in ("", "index.html"):
             body, policy = live_page(self.port)
             return _response(HTTPStatus.OK, body, "text/html", {"Content-Security-Policy": policy})
@@ -204,10 +239,8 @@ class Server:
     async def _live(self, page: Page, asked: dict[str, Any]) -> None:
         if page.live is None:
             page.live = Worker("live", lambda kind, data: _of_cell(page, kind, data))
-        asked |= {"surface": page.surface, "folder": ""}  # neither is the page's to choose
-        if asked.get("do") == "save":
-            asked["folder"] = str(_new_folder(self._folder))
-        await page.live.send(asked)
+        # neither is the page's to choose
+        await page.live.send(asked | {"surface": page.surface, "folder": str(self._folder)})
 
     def _answered(self, kind: str, data: bytes) -> None:
         message = json.loads(data)
@@ -218,6 +251,14 @@ class Server:
         found = self._pages.get(message.pop("page", 0))
         if found is not None:
             found.tell(message)
+
+
+def _same(given: str, secret: str) -> bool:
+    return hmac.compare_digest(given.encode(errors="surrogatepass"), secret.encode())
+
+
+def _refused(why: str) -> Any:
+    return _response(HTTPStatus.FORBIDDEN, f"Refused: {why}.\n".encode(), "text/plain")
 
 
 def _of_cell(page: Page, kind: str, data: bytes) -> None:
@@ -273,23 +314,6 @@ def _kept_surface(message: bytes, folder: Path) -> str:
     path = folder / f"surface{suffix}"
     path.write_bytes(message[4 + length :])
     return str(path)
-
-
-def _new_folder(base: Path) -> Path:
-    """A new, empty folder, which no one else gets: explored-1, explored-2 and so on.
-
-    Raises InvalidInput.
-    """
-    for k in count(1):
-        path = base / f"explored-{k}"
-        try:
-            path.mkdir()
-        except FileExistsError:
-            continue
-        except OSError as error:
-            raise InvalidInput(f"runs must be saved in a folder that takes them: {error}") from None
-        return path
-    raise AssertionError
 
 
 def _response(

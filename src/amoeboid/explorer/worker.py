@@ -18,6 +18,8 @@ from pathlib import Path
 from threading import Condition, Lock, Thread
 from typing import Any
 
+from numpy.linalg import LinAlgError
+
 from amoeboid.validation import InvalidInput
 
 FRAMES = 25.0
@@ -27,6 +29,7 @@ SUBDIVISIONS, MAX_SUBDIVISIONS = 3, 4
 """Of the icosahedron that a cell starts from: 642 nodes."""
 
 TEXT, FRAME = b"T", b"B"
+TOO_EXTREME = (ArithmeticError, LinAlgError)
 Message = dict[str, Any]
 
 
@@ -98,8 +101,12 @@ def answers(inbox: Inbox, output: Output) -> None:
     """Answer what a parameter point looks like, the newest question of each page alone."""
     from amoeboid.explorer.answers import Answers
     from amoeboid.explorer.point import parameters_of
+    from amoeboid.explorer.presets import PRESETS
 
     known = Answers()
+    first = PRESETS[0]
+    for _ in known.of(parameters_of(first.units, first.values), "v_p0", lambda _: None):
+        pass  # what every page asks for first is known by then, or nearly so
     while True:
         asked = inbox.newest()
         if asked.get("gone"):
@@ -121,7 +128,7 @@ def answers(inbox: Inbox, output: Output) -> None:
             continue
         except InvalidInput as error:
             output.text(head | refusal(error))
-        except ArithmeticError as error:
+        except TOO_EXTREME as error:
             output.text(head | refusal(too_extreme(error)))
 
 
@@ -130,7 +137,7 @@ def refusal(error: InvalidInput) -> Message:
     return {"kind": "refused", "field": getattr(error, "name", ""), "message": str(error)}
 
 
-def too_extreme(error: ArithmeticError) -> InvalidInput:
+def too_extreme(error: Exception) -> InvalidInput:
     """The refusal of what is beyond what numbers can hold."""
     return InvalidInput(f"the values are too extreme: {error}")
 
@@ -148,7 +155,7 @@ def live(inbox: Inbox, output: Output) -> None:
                 player.act(message)
             except InvalidInput as error:
                 output.text(refusal(error) | {"number": message.get("number")})
-            except ArithmeticError as error:
+            except TOO_EXTREME as error:
                 output.text(refusal(too_extreme(error)) | {"number": message.get("number")})
         now = time.monotonic()
         if player.cell is not None and (messages or now - sent >= 1.0 / FRAMES):
@@ -243,11 +250,13 @@ class Player:
 
     def _save(self, message: Message) -> None:
         """Make the run again into a folder, beside the cell that continues. Raises InvalidInput."""
+        from amoeboid.explorer.lines import new_folder
+
         if self._saving is not None and self._saving.is_alive():
-            _remove(Path(message["folder"]))
             raise InvalidInput("one run is saved at a time: wait until it is, and save again")
         recipe, end = self.cell.recipe, self.cell.step.state.t
-        arguments = (recipe, end, Path(message["folder"]), message.get("movie") is True)
+        folder = new_folder(Path(message["folder"]))
+        arguments = (recipe, end, folder, message.get("movie") is True)
         self._saving = Thread(target=self._write, args=arguments, daemon=True)
         self._saving.start()
 

@@ -91,7 +91,9 @@ def file_of(function: Callable[..., Any]) -> Path | None:
     for part in getattr(function, "__qualname__", "").split("."):
         named = getattr(named, part, None)
     file = getattr(module, "__file__", None)
-    return Path(file) if named is function and file is not None else None
+    if named is not function or file is None or not Path(file).is_file():  # "<stdin>" is none
+        return None
+    return Path(file)
 
 
 def _files(config: Config) -> str:

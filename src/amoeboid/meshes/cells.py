@@ -13,13 +13,14 @@ class InitialCell:
 
     Nodes r (V, 3) [L] in the order of `meshes.connectivity.narrow_numbering`, faces (F, 3),
     concentration c (V,) [N/L^2] and the tension zeta0 [M/T^2], a first guess. The run scales the
-    shape to the area of its membrane.
+    shape to the area of its membrane. `repairs`: what was done to a user's surface, in words.
     """
 
     r: Array
     faces: Index
     c: Array
     zeta0: float
+    repairs: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
         low, high = float(self.c.min()), float(self.c.max())

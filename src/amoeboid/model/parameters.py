@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
@@ -295,9 +296,20 @@ class Parameters(Material):
     def replace(self, **changes: Any) -> Parameters:
         """A copy with some parameters changed, also `law.n`.
 
-        `changes`: values by name. Raises InvalidInput for an unknown name, or a value out of range.
+        `changes`: values by name; a cell with physical units takes quantities such as "2 um/s",
+        plain numbers are in its units. Raises InvalidInput for an unknown name, or a value out of
+        range.
         """
+        if self.units is not None:
+            changes = {name: self._number(name, value) for name, value in changes.items()}
         return replace(self, **_with_relations(changes, self))
+
+    def _number(self, name: str, value: Any) -> Any:
+        """The value of a parameter in the units of the cell, from a quantity or a plain number."""
+        dimension = DIMENSIONS.get(name)
+        if self.units is None or dimension is None or isinstance(value, int | float | np.number):
+            return value
+        return measured(name, value, dimension, EXAMPLES[dimension]) / self.units.of(dimension)
 
     def as_dict(self) -> dict[str, float | str]:
         """Plain numbers, and names of law and stress with their own numbers, in a fixed order."""

@@ -251,4 +251,5 @@ def _registry() -> Any:
     pint = needed("pint", QUANTITIES)
     registry = pint.UnitRegistry()
     registry.formatter.default_format = ".6g~P"
+    registry.separate_format_defaults = True  # ".3f" says how numbers look, units stay short
     return registry

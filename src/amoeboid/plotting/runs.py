@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.observables import max_retrograde_speed, retrograde_flow
+from amoeboid.plotting.cell import MIN_FLOW
 from amoeboid.plotting.figures import as_drawn, axes_for, with_unit
 from amoeboid.plotting.palette import BLUE, COLOR_MAP, GRAY, INK
 from amoeboid.plotting.trajectory import along_principal_axes
@@ -15,6 +17,9 @@ from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.timeseries import position_columns
 from amoeboid.studies.columns import column, unit
 
+LONGEST_ARROW = 0.42  # in units of R0: the fastest flow on a picture of a cell
+MIN_GAP = 0.3  # between arrows, in units of R0
+MIN_FACING = 0.2  # cosine of the angle between a normal and the view, where arrows are drawn
 MIN_POWER = 1e-10  # of the largest; below it is rounding of the least squares
 
 
@@ -50,25 +55,28 @@ def draw_trajectory(run: Run, ax: Any = None) -> Any:
 
 
 def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
-    """The cell from the side, colored by c, front to the left, with a bar of length R0."""
-    from matplotlib.collections import PolyCollection
+    """The cell from the side, front to the left: c as color, retrograde flow as arrows.
 
+    With a bar of length R0; the longest arrow is the fastest flow. A cell at rest has no arrows.
+    """
     axes, cell, p = axes_for(ax), snapshot.cell, snapshot.parameters
     rear, up = _view(snapshot)
     toward = np.cross(rear, up)
     corners = cell.x[cell.faces]
-    depth = corners.mean(axis=1) @ toward
     outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) @ toward
     seen = np.flatnonzero(outward > 0.0)
-    seen = seen[np.argsort(depth[seen], kind="stable")]
+    seen = seen[np.argsort(corners.mean(axis=1)[seen] @ toward, kind="stable")]
     length = column(p, np.array([1.0]), "L").values[0]
-    flat = np.stack([corners @ rear, corners @ up], axis=2)[seen] * length
-    c = column(p, cell.c[cell.faces].mean(axis=1)[seen], "N/L^2")
-    shape = PolyCollection(list(flat), array=c.values, cmap=COLOR_MAP, edgecolors="face", lw=0.2)
-    axes.add_collection(shape)
-    axes.figure.colorbar(shape, ax=axes, label=with_unit("c", c.unit))
-    low, high = flat.min(axis=(0, 1)), flat.max(axis=(0, 1))
+    x, y = length * (cell.x @ rear), length * (cell.x @ up)
+    faces = cell.faces[seen]
+    c = column(p, cell.c, "N/L^2")
+    shades = axes.tripcolor(x, y, faces, c.values, shading="gouraud", cmap=COLOR_MAP)
+    ends = _outline(faces)
+    axes.plot(x[ends].T, y[ends].T, color=GRAY, lw=1.0, solid_capstyle="round")
+    axes.figure.colorbar(shades, ax=axes, label=with_unit("c", c.unit), shrink=0.85)
     R0 = p.R0 * length
+    _arrows(axes, snapshot, (rear, up, toward), R0)
+    low, high = (np.array([f(x), f(y)]) for f in (np.min, np.max))
     axes.plot([low[0], low[0] + R0], [low[1] - 0.15 * R0] * 2, color=INK, lw=2)
     text = as_drawn(f"R0 = {R0:.4g} {unit(p, 'L')}") if p.units is not None else "R0"
     axes.text(low[0], low[1] - 0.2 * R0, text, va="top", fontsize=8, color=INK)
@@ -77,6 +85,42 @@ def draw_cell(snapshot: Snapshot, ax: Any = None) -> Any:
     axes.set_aspect("equal")
     axes.set_axis_off()
     return axes
+
+
+def _outline(faces: Any) -> Any:
+    """Nodes (E, 2) at the ends of the edges that have one triangle of `faces` (F, 3) alone."""
+    edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+    found, count = np.unique(edges, axis=0, return_counts=True)
+    return found[count == 1]
+
+
+def _arrows(axes: Any, snapshot: Snapshot, view: tuple[Any, Any, Any], R0: float) -> None:
+    """Retrograde flow at some of the nodes that are seen, spread evenly over the surface."""
+    cell, p = snapshot.cell, snapshot.parameters
+    rear, up, toward = view
+    flow = retrograde_flow(cell)
+    fastest = max_retrograde_speed(cell)
+    if fastest <= MIN_FLOW * cell.rate * p.R0:
+        return
+    facing = np.flatnonzero(cell.normals @ toward > MIN_FACING)
+    nodes = facing[_spread(cell.x[facing], MIN_GAP * p.R0)]
+    u = flow[nodes] / fastest
+    length = R0 / p.R0
+    axes.quiver(
+        length * (cell.x[nodes] @ rear), length * (cell.x[nodes] @ up),
+        LONGEST_ARROW * R0 * (u @ rear), LONGEST_ARROW * R0 * (u @ up),
+        angles="xy", scale_units="xy", scale=1.0, color=INK, width=0.006, pivot="mid",
+        minlength=0.0, zorder=5,
+    )  # fmt: skip
+
+
+def _spread(x: Any, gap: float) -> list[int]:
+    """Points x (n, 3) of which no two are closer than `gap`, taken in their order."""
+    kept: list[int] = []
+    for k, point in enumerate(x):
+        if all(np.linalg.norm(point - x[j]) >= gap for j in kept):
+            kept.append(k)
+    return kept
 
 
 def _view(snapshot: Snapshot) -> tuple[Any, Any]:

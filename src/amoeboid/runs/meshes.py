@@ -11,8 +11,9 @@ import numpy as np
 from amoeboid.closed_forms.linear import base_tension
 from amoeboid.config import Config, Mesh, polarization
 from amoeboid.meshes.cells import InitialCell
-from amoeboid.meshes.checks import check_size, check_surface, joined
+from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined
 from amoeboid.meshes.connectivity import narrow_numbering
+from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
@@ -45,13 +46,25 @@ class Surface:
     """A closed triangulated surface of your own: a file (stl, ply, obj, vtp), or nodes and faces.
 
     Nodes r (V, 3) in any unit of length (the run scales them to the area of the membrane), faces
-    (F, 3) that look outward. `repair` lets a file be mended, as `initial.repair`. Raises
-    InvalidInput for a value that is not a closed surface without handles.
+    (F, 3) that look outward. `repair` lets the surface be repaired, as `initial.repair`: a mesh of
+    slivers, as from marching cubes, is remeshed to about the nodes of `Icosphere(subdivisions)`,
+    by default of the run's own. Raises InvalidInput for a value that is not a closed surface
+    without handles, and for `subdivisions` without `repair`.
     """
 
-    def __init__(self, r: Any, faces: Any = None, *, repair: bool = False) -> None:
+    def __init__(
+        self, r: Any, faces: Any = None, *, repair: bool = False, subdivisions: int | None = None
+    ) -> None:
         self.path = os.fspath(r) if isinstance(r, str | os.PathLike) else None
         self.repair = repair
+        if subdivisions is not None:
+            if not repair:
+                raise InvalidInput(
+                    "subdivisions must come with repair=True; without it the surface keeps its "
+                    "own nodes"
+                )
+            subdivisions = Mesh(subdivisions=subdivisions).subdivisions
+        self.subdivisions = subdivisions
         if self.path is not None:
             if faces is not None:
                 raise InvalidInput(
@@ -60,10 +73,6 @@ class Surface:
             return
         if faces is None:
             raise InvalidInput("a surface must be a file, or nodes and faces; add the faces")
-        if repair:
-            raise InvalidInput(
-                "repair must be false for nodes and faces; save them as a file to repair them"
-            )
         try:
             self.r, self.faces = np.array(r, dtype=float), np.array(faces)
         except (TypeError, ValueError) as error:
@@ -83,15 +92,27 @@ class Surface:
                 f"to {self.faces.max()}"
             )
 
-    def cell(self, p: Parameters) -> InitialCell:
-        """A homogeneous cell (c = c0) of this shape."""
-        name = "the surface"
-        check_size(self.r, name)
-        r, faces, _ = joined(self.r, self.faces.astype(np.int64))
-        check_surface(r, faces, name)
+    def cell(self, p: Parameters, subdivisions: int = 3) -> InitialCell:
+        """A homogeneous cell (c = c0) of this shape, of nodes and faces.
+
+        `subdivisions`: of a repair, unless the surface has its own. Raises InvalidInput.
+        """
+        name, faces = "the surface", self.faces.astype(np.int64)
+        try:
+            if self.repair:
+                n_nodes = Icosphere(self.subdivisions or subdivisions).n_nodes
+                r, faces, changes = repaired(self.r, faces, n_nodes, name)
+            else:
+                check_size(self.r, name)
+                r, faces, changes = joined(self.r, faces)
+            check_surface(r, faces, name)
+        except Repairable as problem:
+            if self.repair:
+                raise
+            raise InvalidInput(f"{problem}, or set repair=True") from None
         order, faces = narrow_numbering(faces)
         r = r[order]
-        return InitialCell(r, faces, np.full(len(r), p.c0), float(base_tension(p)))
+        return InitialCell(r, faces, np.full(len(r), p.c0), float(base_tension(p)), changes)
 
     def __repr__(self) -> str:
         if self.path is not None:
@@ -107,9 +128,12 @@ def placed_on(mesh: Any, config: Config) -> tuple[dict[str, Any], InitialCell | 
     if isinstance(mesh, Icosphere):
         return {"mesh.subdivisions": mesh.subdivisions}, None
     if isinstance(mesh, Surface) and mesh.path is not None:
-        return {"initial.surface": mesh.path, "initial.repair": mesh.repair}, None
+        changes: dict[str, Any] = {"initial.surface": mesh.path, "initial.repair": mesh.repair}
+        if mesh.subdivisions is not None:
+            changes["mesh.subdivisions"] = mesh.subdivisions
+        return changes, None
     if isinstance(mesh, Surface):
-        cell = mesh.cell(config.parameters)
+        cell = mesh.cell(config.parameters, config.mesh.subdivisions)
         own = config.initial.perturbation
         amplitude = polarization(config.parameters) if own is None else own
         return {"initial.perturbation": amplitude}, cell

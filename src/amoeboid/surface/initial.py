@@ -68,7 +68,7 @@ def initial_condition(config: Config, cell: InitialCell | None = None) -> Start:
     inputs, initial = config.inputs, config.initial
     p = config.parameters if inputs is None else inputs.parameters_at(0.0, since=0.0)
     if cell is not None:
-        begin = _as_given(p, cell.r, cell.faces, cell.c, cell.zeta0)
+        begin = _as_given(p, cell.r, cell.faces, cell.c, cell.zeta0, cell.repairs)
     elif initial.from_frame is not None:
         begin = _from_frame(p, initial.from_frame)
     elif initial.surface is not None:
@@ -171,7 +171,9 @@ def _surface(initial: Initial, n_nodes: int) -> tuple[Array, Index, tuple[str, .
     except Repairable as problem:
         if initial.repair:
             raise
-        raise InvalidInput(f"{problem}, or set initial.repair = true") from None
+        raise InvalidInput(
+            f"{problem}, or set initial.repair = true (in Python Surface(..., repair=True))"
+        ) from None
     order, faces = narrow_numbering(faces)
     return r[order], faces, changes
 

@@ -145,7 +145,8 @@ class Sweep:
             for name, c in list(self.layout.coordinates.items())[:5]
         )
         counted = ", ".join(f"{n} {status}" for status, n in sorted(self.counts.items()))
-        solver = str(self.layout.attributes.get("solver", "")).rpartition(".")[2][:60]
+        called = str(self.layout.attributes.get("solver", "")).partition("(")[0]
+        solver = called.rpartition(".")[2][:60]
         size = f" ({size})" if len(self.layout.shape) > 1 else ""
         return f"Sweep of {solver} at {len(self)} points{size} in {varied}: {counted}"
 

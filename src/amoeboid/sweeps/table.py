@@ -12,12 +12,16 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.extras import check, needed
+from amoeboid.model.parameters import Parameters
 from amoeboid.output.atomic import write_atomically
 from amoeboid.studies.columns import TABLE, magnitude, unit
 from amoeboid.studies.recorded import title
 from amoeboid.sweeps.evaluation import MISSING, NUMBER, OWN_NAMES, TEXT, Meaning, Meanings
 from amoeboid.sweeps.points import Points
 from amoeboid.validation import InvalidInput
+
+DIGITS = 14
+"""Significant ones that coordinates keep."""
 
 TITLES = {
     "status": "ok, incomplete, failed, or missing where nothing was computed yet",
@@ -80,14 +84,16 @@ def layout(points: Points, attributes: Mapping[str, Any]) -> Layout:
         values = points.axes.get(name, points.columns[name])
         numeric = all(isinstance(value, float) for value in values)
         dimension = points.dimension(name) if numeric else None
-        shown = tuple(
-            np.asarray(magnitude(p, np.array(values), dimension)).tolist()
-            if numeric
-            else map(_text, values)
-        )
+        shown = tuple(_as_given(p, values, dimension) if numeric else map(_text, values))
         own = (name,) if name in points.dims else points.dims
         coordinates[name] = Coordinate(own, shown, unit(p, dimension), title(name))
     return Layout(points.dims, points.shape, coordinates, attributes)
+
+
+def _as_given(p: Parameters, values: Sequence[float], dimension: str | None) -> list[float]:
+    """Coordinates as they were given: units that are taken off and put on leave rounding."""
+    shown = np.asarray(magnitude(p, np.array(values), dimension)).tolist()
+    return shown if p.units is None else [float(f"{value:.{DIGITS}g}") for value in shown]
 
 
 def _text(value: Any) -> str:

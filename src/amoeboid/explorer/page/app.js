@@ -9,7 +9,7 @@ const isLive = data.mode === "live";
 
 const NAMES = {
   v_p0: "v_p0", D: "D", delta_P: "\u0394P", c0: "c\u2080", beta: "\u03b2", eta_b: "\u03b7_b", alpha: "\u03b1",
-  gamma_t: "\u03b3_t", gamma_n: "\u03b3_n", kappa: "\u03ba", chi: "\u03c7",
+  gamma_t: "\u03b3_t", gamma_n: "\u03b3_n", gamma_c: "\u03b3_c", gamma_share: "share of \u03b3 \u221d c", kappa: "\u03ba", chi: "\u03c7",
   max_retrograde_speed: "retrograde speed", cortex_drag_speed: "migration speed",
   polarity: "polarity", c_front: "c at the front", c_rear: "c at the rear", zeta0: "membrane tension \u03b6\u2080",
   deformation: "deformation",
@@ -79,24 +79,32 @@ function buildSliders() {
     const meaning = make("small", { id: `${id}-meaning`, textContent: slider.meaning });
     return make("div", { className: "field" }, name, meaning, range, wrong);
   });
-  if (isLive) rows.push(lawField());
-  $("sliders").replaceChildren(...rows);
+  const rare = sliders().map((slider) => Boolean(slider.rare));
+  const often = rows.filter((_, k) => !rare[k]);
+  const further = rows.filter((_, k) => rare[k]);
+  if (isLive) {
+    often.push(relationField("law", "Law v_p(c)", "exponential, inverse, or an expression in c", ["exponential", "inverse", "v_p0/(1 + (c/c_r)**2)"]));
+    further.push(relationField("stress", "Active stress \u03c4(c)", "none, or an expression in c", ["none", "0.2*c/(1 + c/c_r)"]));
+  }
+  const inUse = sliders().some((slider) => slider.rare && Number(state.values[slider.name]) !== 0);
+  const more = make("details", { id: "rare", open: inUse || Boolean($("rare")?.open) }, make("summary", { textContent: "Further parameters" }), ...further);
+  $("sliders").replaceChildren(...often, ...(further.length ? [more] : []));
 }
 
-function lawField() {
-  const text = make("input", { type: "text", id: "p-law-text", value: state.values.law ?? "exponential", spellcheck: false });
-  text.setAttribute("list", "laws");
-  text.setAttribute("aria-describedby", "p-law-wrong p-law-meaning");
-  text.addEventListener("change", () => { state.values.law = text.value.trim(); begin(); changed(); });
-  const laws = make("datalist", { id: "laws" }, ...["exponential", "inverse", "v_p0/(1 + (c/c_r)**2)"].map((value) => make("option", { value })));
-  const wrong = make("p", { className: "wrong", id: "p-law-wrong", hidden: true });
+function relationField(name, title, meaning, examples) {
+  const text = make("input", { type: "text", id: `p-${name}-text`, value: state.values[name] ?? examples[0], spellcheck: false });
+  text.setAttribute("list", `${name}-examples`);
+  text.setAttribute("aria-describedby", `p-${name}-wrong p-${name}-meaning`);
+  text.addEventListener("change", () => { state.values[name] = text.value.trim(); begin(); changed(); });
+  const list = make("datalist", { id: `${name}-examples` }, ...examples.map((value) => make("option", { value })));
+  const wrong = make("p", { className: "wrong", id: `p-${name}-wrong`, hidden: true });
   wrong.setAttribute("role", "alert");
-  return make("div", { className: "field law" }, make("label", { htmlFor: text.id, textContent: "Law v_p(c)" }),
-    make("small", { id: "p-law-meaning", textContent: "exponential, inverse, or an expression in c" }), text, laws, wrong);
+  return make("div", { className: "field law" }, make("label", { htmlFor: text.id, textContent: title }),
+    make("small", { id: `p-${name}-meaning`, textContent: meaning }), text, list, wrong);
 }
 
 function point() {
-  const names = isLive ? [...sliders().map((s) => s.name), "law"] : Object.keys(state.values);
+  const names = isLive ? [...sliders().map((s) => s.name), "law", "stress"] : Object.keys(state.values);
   const values = Object.fromEntries(names.filter((n) => state.values[n] !== undefined).map((n) => [n, state.values[n]]));
   return { units: state.units, values };
 }
@@ -122,12 +130,19 @@ function begin(seed = Math.floor(Math.random() * 2 ** 31)) {
   if (!isLive) return;
   view?.restart();
   source.live({ do: "begin", ...point(), start: $("start").value, seed });
+  if (!live.moves) source.live({ do: "pause", value: true });
+}
+
+// what the user starts may move, also where the system asks for less motion
+function beginByHand() {
+  live.moves = true;
+  begin();
 }
 
 function choosePreset(preset, start = true) {
   Object.assign(state, { preset, units: preset.units, values: { ...preset.values } });
   $("preset").value = preset.name;
-  $("note").textContent = preset.note;
+  $("note").textContent = isLive ? preset.note : `${preset.title}. ${preset.note}`;
   for (const radio of document.getElementsByName("units")) radio.checked = radio.value === state.units;
   if (isLive) {
     $("start").value = preset.start;
@@ -141,6 +156,7 @@ function choosePreset(preset, start = true) {
 
 function buildHeader() {
   $("preset").replaceChildren(...data.presets.map((p) => make("option", { value: p.name, textContent: p.title })));
+  $("preset").closest("label").hidden = data.presets.length < 2;
   $("preset").addEventListener("change", () => choosePreset(data.presets.find((p) => p.name === $("preset").value)));
   const fields = ["simulation", "physical"].map((value) => {
     const radio = make("input", { type: "radio", name: "units", value });
@@ -152,7 +168,6 @@ function buildHeader() {
   const dark = (on) => {
     document.documentElement.classList.toggle("dark", on);
     $("theme").setAttribute("aria-pressed", String(on));
-    $("theme").textContent = on ? "Light" : "Dark";
     view?.dark(on);
   };
   const wanted = matchMedia("(prefers-color-scheme: dark)");
@@ -178,6 +193,8 @@ function refuse({ field, message }) {
   }
   wrong.textContent = message;
   wrong.hidden = false;
+  const folded = wrong.closest("details");
+  if (folded) folded.open = true;
   $(`p-${field}-text`).setAttribute("aria-invalid", "true");
 }
 
@@ -197,14 +214,15 @@ function showTheory(theory) {
   });
   plot($("rates"), {
     about: `Growth rates of the modes l = 1 to ${ls.length}: ${theory.rates.map((r) => shown(r.slow)).join(", ")}`,
-    lines: [], marks, include: [0], margin: 0.2, x: [0.4, ls.length + 0.6], xTicks: ls.map((l) => [l, String(l)]),
+    lines: [], marks, include: [0], margin: 0.3, x: [0.4, ls.length + 0.6], xTicks: ls.map((l) => [l, String(l)]),
     xTitle: "mode l", yTitle: titled("growth rate \u03bb", theory.rate_unit),
   });
 }
 
 function sentences(lines) {
-  const same = $("sentences").textContent === lines.join("");
-  if (!same) $("sentences").replaceChildren(...lines.map((textContent) => make("p", { textContent })));
+  const texts = lines.map((line) => line.replace(/(?<=^|[\s(])-(?=\d)/g, "\u2212"));
+  const same = $("sentences").textContent === texts.join("");
+  if (!same) $("sentences").replaceChildren(...texts.map((textContent) => make("p", { textContent })));
 }
 
 function drawBranch() {
@@ -277,19 +295,19 @@ function showStates(answer) {
     return make("figure", {}, svg, make("figcaption", {}, `${kind(s)}, `, word));
   }));
   const columns = ["max_retrograde_speed", "c_front", "c_rear", "deformation"];
-  const short = { max_retrograde_speed: "flow", c_front: "c front", c_rear: "c rear", deformation: "deformation" };
+  const short = { max_retrograde_speed: "flow", c_front: "c front", c_rear: "c rear", deformation: "deform." };
   const head = make("tr", {}, make("th", { textContent: "state", scope: "col" }),
     ...columns.map((c) => make("th", { scope: "col", title: named(c), textContent: short[c] })),
-    make("th", { textContent: "growth rate", scope: "col", title: "of the fastest growing or slowest decaying perturbation exp(i m phi), and its m" }));
+    make("th", { textContent: "rate", scope: "col", title: "growth rate of the fastest growing or slowest decaying perturbation exp(i m phi), and its m" }));
   const number = (v) => shown(v, 3);
   const rows = all.map((s) => make("tr", {}, make("th", { scope: "row", className: s.stable ? "stable" : "unstable", textContent: kind(s), title: s.stable ? "stable" : "unstable" }),
     ...columns.map((c) => make("td", { textContent: number(s.numbers[c]) })),
     make("td", { textContent: fastestOf(s.rates) })));
   showMigration(all, answer.units);
-  const units = answer.units.max_retrograde_speed ? make("caption", { className: "caption", textContent: `Speeds [${unitText(answer.units.max_retrograde_speed)}], c [${unitText(answer.units.c)}], rates [${unitText(answer.units.rate)}]` }) : "";
+  const units = answer.units.max_retrograde_speed ? make("caption", { className: "caption", textContent: `Flow [${unitText(answer.units.max_retrograde_speed)}], c [${unitText(answer.units.c)}]; rate of growth [${unitText(answer.units.rate)}] of the fastest growing or slowest decaying perturbation, and its m` }) : "";
   $("state-table").replaceChildren(units, make("thead", {}, head), make("tbody", {}, ...rows));
   $("state-table").caption?.style.setProperty("caption-side", "bottom");
-  const lines = (name) => all.map((s) => ({ x: s.theta, y: s[name], color: s.stable ? "var(--stable)" : "var(--unstable)", dash: !s.stable }));
+  const lines = (name) => all.map((s) => ({ x: s.r.map((r, k) => Math.atan2(r, s.z[k])), y: s[name], color: s.stable ? "var(--stable)" : "var(--unstable)", dash: !s.stable }));
   const axis = { x: [0, Math.PI], xTicks: [[0, "rear"], [Math.PI / 4, "\u03c0/4"], [Math.PI / 2, "\u03b8 = \u03c0/2"], [(3 * Math.PI) / 4, "3\u03c0/4"], [Math.PI, "front"]], xTitle: "" };
   plot($("profile-u"), { ...axis, lines: lines("u"), include: [0], yTitle: titled("u(\u03b8)", answer.units.u), about: "Flow u over the angle theta from the rear; negative is towards the rear" });
   plot($("profile-c"), { ...axis, lines: lines("c"), include: [0], yTitle: titled("c(\u03b8)", answer.units.c), about: "Filament concentration c over the angle theta from the rear" });
@@ -329,7 +347,7 @@ function showFrame(frame) {
   live.latest = frame;
 }
 
-const live = { frames: 0, begun: 0, failed: false, latest: null, observables: {} };
+const live = { moves: !matchMedia("(prefers-reduced-motion: reduce)").matches, frames: 0, begun: 0, failed: false, latest: null, observables: {} };
 
 async function buildLive() {
   $("live").hidden = false;
@@ -338,11 +356,14 @@ async function buildLive() {
   $("start").addEventListener("change", () => {
     $("surface").hidden = $("start").value !== "surface";
     if ($("start").value === "surface") $("surface").click();
-    else begin();
+    else beginByHand();
   });
   $("surface").addEventListener("change", () => { if ($("surface").files[0]) source.surface($("surface").files[0]); });
-  $("restart").addEventListener("click", () => begin());
-  $("pause").addEventListener("click", () => source.live({ do: "pause", value: !live.latest?.paused }));
+  $("restart").addEventListener("click", beginByHand);
+  $("pause").addEventListener("click", () => {
+    live.moves ||= Boolean(live.latest?.paused);
+    source.live({ do: "pause", value: !live.latest?.paused });
+  });
   $("pace").addEventListener("input", setPace);
   $("strength").addEventListener("input", () => {
     const value = Number($("strength").value);
@@ -393,12 +414,12 @@ const receivers = {
   states(states) { showStates(states); $("busy").textContent = ""; },
   refused: refuse,
   frame: showFrame,
-  begun() { limits = null; view?.restart(); live.latest = null; live.begun += 1; },
+  begun() { $("connection").hidden = true; limits = null; view?.restart(); live.latest = null; live.begun += 1; },
   surface() { begin(); },
   saving({ share }) { $("saved").textContent = `saving, ${Math.round(100 * share)} %`; },
   saved({ folder }) { $("saved").textContent = `saved in ${folder}`; },
   lines({ text }) { $("dialog-text").textContent = text; $("dialog").showModal(); },
-  failed({ message }) { live.failed = true; $("connection").hidden = false; $("connection").textContent = message; },
+  failed({ message }) { live.failed = true; $("busy").textContent = ""; $("connection").hidden = false; $("connection").textContent = message; },
 };
 
 function receive(message) {
