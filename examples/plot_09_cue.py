@@ -42,7 +42,7 @@ plt.show()
 
 # %%
 # **Check.** The cell turns from 90 degrees to the cue, and twice the cue turns it twice as fast:
-# for a weak cue the angle obeys :math:`\\dot{θ} = -k \\sin θ` with :math:`k` in proportion to the
+# for a weak cue the angle obeys :math:`\dot{θ} = -k \sin θ` with :math:`k` in proportion to the
 # strength.
 
 

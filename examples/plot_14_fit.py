@@ -42,4 +42,4 @@ print(open_[0].text)
 # errors.
 assert interval.holds(truth.quantity(truth.D, "L^2/T"))
 assert found.p_value > 0.01
-assert open_[0].text.startswith("multiplying c0 by 2 and c_r by 2 changes no datum")
+assert open_[0].text.startswith("multiplying c0 by 2 and c_r by 2 changes no predicted value")

@@ -73,7 +73,7 @@ def test_a_branch_that_is_in_the_window_twice_is_listed_in_pieces(capsys):
     assert [upper[0]["v_p0"], upper[-1]["v_p0"]] == [5.5, 8.0]
     assert all(p["stable"] for p in upper)
     _, out, _ = run(capsys, *words)
-    assert "in the window 2 times" in out
+    assert "enters the window 2 times" in out
 
 
 def test_an_incomplete_branch_says_so(capsys):

@@ -301,7 +301,7 @@ def test_what_is_no_cell_is_refused_with_the_remedy(function):
 
 @pytest.mark.parametrize("degrees", [(), (0,), (-1,), (1.5,), ("1",), (True,), 1])
 def test_a_search_in_no_mode_is_not_called_complete(degrees):
-    with pytest.raises(am.InvalidInput, match="degrees must be whole numbers >= 1"):
+    with pytest.raises(am.InvalidInput, match="degrees must be one or more whole numbers >= 1"):
         am.steady_states(BISTABLE, degrees)
 
 

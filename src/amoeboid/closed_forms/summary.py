@@ -116,9 +116,9 @@ def summary(p: Parameters) -> Summary:
 
 
 def summaries(p: Parameters, speeds: Iterable[float]) -> tuple[Summary, ...]:
-    """The summaries at several v_p0 [L/T]: thresholds and what belongs to them are found once.
+    """The summaries at several v_p0; thresholds and what belongs to them are found once.
 
-    Raises InvalidInput where the law is not defined at c0.
+    `speeds`: the values of v_p0 [L/T]. Raises InvalidInput where the law is not defined at c0.
     """
     points = [p.replace(v_p0=v_p0) for v_p0 in speeds]
     growing = [growth_rate(q, np.arange(1, L_MAX + 1)) for q in points]
