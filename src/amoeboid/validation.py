@@ -179,9 +179,20 @@ def rule(f: Field[Any]) -> str:
 def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     if value is None and ("automatic" in f.metadata or "file" in f.metadata):
         return None
-    kind = f.metadata["kind"]
-    remedy = "; write a decimal point" if DECIMAL_COMMA.fullmatch(str(value)) else ""
-    problem = InvalidInput(f"{name} must be {rule(f)}, got {value!r}{remedy}")
+    try:
+        return _converted(value, f)
+    except _Unfit as unfit:
+        remedy = "; write a decimal point" if DECIMAL_COMMA.fullmatch(str(value)) else ""
+        message = f"{name} must be {rule(f)}, got {value!r}{remedy}"
+        raise InvalidInput(message) from unfit.__cause__
+
+
+class _Unfit(Exception):
+    """The value of a field breaks its rule, which is put into words only then."""
+
+
+def _converted(value: Any, f: Field[Any]) -> Any:
+    kind, problem = f.metadata["kind"], _Unfit
     if "options" in f.metadata:
         if not isinstance(value, str) or value not in f.metadata["options"]:
             raise problem
@@ -228,7 +239,7 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     return converted
 
 
-def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, float]:
+def _checked_vector(value: Any, problem: type[_Unfit]) -> tuple[float, float, float]:
     try:
         components = list(value)
     except TypeError:
@@ -248,14 +259,14 @@ def _checked_vector(value: Any, problem: InvalidInput) -> tuple[float, float, fl
 
 
 def _checked_texts(
-    value: Any, problem: InvalidInput, checked: Callable[[str], str]
+    value: Any, problem: type[_Unfit], checked: Callable[[str], str]
 ) -> tuple[str, ...]:
     if not isinstance(value, list | tuple) or not all(isinstance(text, str) for text in value):
         raise problem
     return tuple(checked(text) for text in value)
 
 
-def _checked_rising(value: Any, problem: InvalidInput) -> tuple[float, ...]:
+def _checked_rising(value: Any, problem: type[_Unfit]) -> tuple[float, ...]:
     try:
         found = list(value)
         if any(isinstance(x, bool) or not isinstance(x, Real) for x in found):
@@ -269,7 +280,7 @@ def _checked_rising(value: Any, problem: InvalidInput) -> tuple[float, ...]:
     return tuple(found)
 
 
-def _checked_harmonics(value: Any, problem: InvalidInput) -> tuple[tuple[int, int, float], ...]:
+def _checked_harmonics(value: Any, problem: type[_Unfit]) -> tuple[tuple[int, int, float], ...]:
     checked = []
     try:
         for degree, order, amplitude in value:

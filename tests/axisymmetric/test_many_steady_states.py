@@ -92,7 +92,7 @@ def test_laws_that_branch_on_numbers_are_refused():
     def stepped(c, v_p0, c_r):
         return v_p0 if np.all(c < c_r) else v_p0 * np.exp(-c)
 
-    with pytest.raises(am.InvalidInput, match="arithmetic and functions of NumPy"):
+    with pytest.raises(am.InvalidInput, match="must consist of arithmetic and NumPy functions"):
         am.many_steady_states(
             am.points(am.Parameters(law=stepped), v_p0=[6.0]), start=fastest(
                 am.Parameters(D=0.4, v_p0=6.1)
@@ -100,9 +100,40 @@ def test_laws_that_branch_on_numbers_are_refused():
         )  # fmt: skip
 
 
-def test_cells_of_two_laws_are_refused():
-    with pytest.raises(am.InvalidInput, match="compute each law separately"):
-        am.many_steady_states([am.Parameters(), am.Parameters(law="inverse")])
+def cell_with_law(factor):
+    """A cell with a law that has the name of another one."""
+
+    def hill(c, v_p0, c_r):
+        return v_p0 / (1 + factor * c / c_r)
+
+    return am.Parameters(law=hill)
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        ([am.Parameters(), am.Parameters(law="inverse")], "compute each law separately"),
+        ([cell_with_law(1.0), cell_with_law(2.0)], "compute each law separately"),
+        ([am.Parameters(), am.Parameters.physical()], "physical units or none, got both"),
+    ],
+)
+def test_cells_of_two_laws_and_with_and_without_units_are_refused(cells, message):
+    with pytest.raises(am.InvalidInput, match=message):
+        am.many_steady_states(cells)
+
+
+def test_cells_with_units_of_their_own_are_computed_in_those_of_the_first():
+    small, large = (
+        am.Parameters.physical(
+            R0=f"{10 * k} um", delta_P=f"{300 / k} Pa", D=f"{4 * k**2} um^2/s", v_p0=f"{3 * k} um/s"
+        )
+        for k in (1, 2)
+    )
+    assert small.value("v_p0") == large.value("v_p0")  # each in its own units
+    found = am.many_steady_states([small, large] * 2 + [small], max_modes=32, progress=False)
+    speeds = found["max_retrograde_speed"]
+    assert speeds[1] == pytest.approx(2 * speeds[0], rel=1e-9)
+    assert speeds[::2] == pytest.approx(speeds[0], rel=1e-9)
 
 
 @pytest.mark.slow

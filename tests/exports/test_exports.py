@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from importlib import import_module
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -469,3 +470,44 @@ def test_runs_in_memory_are_exported_as_their_folders(plain, tmp_path):
     files = [sorted((tmp_path / str(k)).iterdir()) for k in range(2)]
     assert [a.read_bytes() for a in files[0]] == [b.read_bytes() for b in files[1]]
     assert retrograde_flow(run.final.cell).shape == (42, 3)
+
+
+def interrupted(folder):
+    """Make of a finished run one that was killed while it wrote a row of its time series."""
+    manifest = json.loads((folder / "manifest.json").read_text())
+    ended = {"ended", "end"}
+    left = {name: value for name, value in manifest.items() if name not in ended}
+    (folder / "manifest.json").write_text(json.dumps(left | {"status": "running"}))
+    series = folder / "timeseries.csv"
+    series.write_bytes(series.read_bytes()[:-37])
+
+
+STRANGE_RUNS = {
+    "diverged": {"time": am.Time(scheme="explicit", max_step=0.01, end=5.0)},
+    "running": {},
+    "cue": {"cue": am.Cue(strength=0.2)},
+    "friction": {"parameters": PLAIN.replace(gamma_t=0.2, gamma_n=0.1)},
+    "noise": {"noise": am.Noise(filaments=1e5, seed=1)},
+    "environment": {"environment": "fluid"},
+    "remeshed": None,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STRANGE_RUNS)
+def test_runs_of_every_kind_are_exported_in_every_format(name, tmp_path):
+    if STRANGE_RUNS[name] is None:
+        run = remeshed()
+    else:
+        kept = {"time": am.Time(end=0.2, max_step=0.1), "output": am.Output(interval=0.1)}
+        given = {"parameters": PLAIN, "mesh": am.Mesh(subdivisions=1), **kept}
+        am.simulate(am.Config(**given | STRANGE_RUNS[name]), folder=tmp_path / "run")
+        if name == "running":
+            interrupted(tmp_path / "run")
+        run = am.load(tmp_path / "run")
+        assert run.status == (name if name in ("diverged", "running") else "finished")
+    for to in exports.names():
+        packages = exports.named(to).packages
+        if all(find_spec(package) for package in packages):
+            files = run.export(tmp_path / to, to, frames=slice(-2, None))
+            assert all(file.stat().st_size > 0 for file in files)

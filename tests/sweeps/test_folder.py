@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 import amoeboid as am
+from amoeboid.sweeps.evaluation import STATUSES
 from amoeboid.sweeps.folder import SweepFolder, read_manifest
 from sweeps import solvers
 
@@ -236,7 +237,7 @@ def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
     second.write_text(second.read_text().replace("\\u00b5m / s", "nm / s"))
     found = am.load_sweep(tmp_path)
     assert found["status"].values.tolist() == ["ok", "failed"]
-    assert "in µm / s at one and a single number in nm / s at this" in found.failed[0].why
+    assert "in µm / s at one and a single number in nm / s at another" in found.failed[0].why
 
 
 def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):
@@ -317,3 +318,68 @@ def test_a_point_costs_the_same_however_many_there_are(tmp_path):
             sizes.append((tmp_path / "a" / "results" / "1-of-1.jsonl").stat().st_size)
     assert {b - a for a, b in pairwise(sizes)} == {len(row) + 32 + 10}
     assert len(list((tmp_path / "a").rglob("*"))) == 3  # no file for each point
+
+
+STRANGE = (None, True, -1, 1e308, "", "x", [], [[]], {}, {"a": 1}, [1, "x"], "nan", 10**400)
+
+
+def damaged(found, chance):
+    """A document of JSON with one entry removed, or something else in its place."""
+    places = []
+
+    def walk(node, path):
+        places.append(path)
+        inner = node.items() if isinstance(node, dict) else enumerate(node[:4])
+        for name, entry in inner:
+            walk(entry, [*path, name]) if isinstance(entry, dict | list) else places.append(
+                [*path, name]
+            )
+
+    walk(found, [])
+    *above, last = chance.choice(places[1:])
+    for name in above:
+        found = found[name]
+    if chance.random() < 0.25:
+        del found[last]
+    else:
+        found[last] = chance.choice(STRANGE)
+
+
+@pytest.mark.parametrize("count", [60, pytest.param(3000, marks=pytest.mark.slow)])
+def test_damaged_files_of_a_sweep_are_refused_or_count_as_not_computed(tmp_path, count):
+    points = am.grid(v_p0=[1, 2, 3], D=[1, 2])
+    am.sweep(points, solvers.square, folder=tmp_path)
+    chance = random.Random(count)  # noqa: S311
+    files = [tmp_path / "results" / "1-of-1.jsonl", tmp_path / "sweep.json"]
+    whole = [path.read_text() for path in files]
+    refused = missing = 0
+    for number in range(count):
+        lines = whole[number % 2].splitlines()
+        k = chance.randrange(len(lines))
+        changed = json.loads(lines[k])
+        damaged(changed, chance)
+        lines[k] = json.dumps(changed)
+        files[number % 2].write_text("".join(f"{line}\n" for line in lines))
+        try:
+            found = am.load_sweep(tmp_path)
+            assert set(found.dataset["status"].values.ravel()) <= set(STATUSES)
+            missing += not found.complete
+        except am.InvalidInput:
+            refused += 1
+        files[number % 2].write_text(whole[number % 2])
+    assert refused > count / 20
+    assert missing > count / 20
+
+
+def test_a_point_whose_line_is_damaged_is_computed_again(tmp_path):
+    points = am.grid(v_p0=[1, 2, 3])
+    first = am.sweep(points, solvers.square, folder=tmp_path)
+    file = tmp_path / "results" / "1-of-1.jsonl"
+    whole = file.read_text()
+    file.write_text(whole.replace('"third":0.', '"fourth":0.', 1))
+    assert am.load_sweep(tmp_path).counts == {"ok": 2, "missing": 1}
+    assert am.sweep(points, solvers.square, folder=tmp_path).rows == first.rows
+    file.write_text(whole.replace('"third":', '"fourth":', 1))  # what the names mean
+    assert am.load_sweep(tmp_path).counts == {"missing": 3}
+    assert am.sweep(points, solvers.square, folder=tmp_path).rows == first.rows
+    assert am.load_sweep(tmp_path).complete

@@ -120,3 +120,12 @@ def test_lists_of_physical_cells_are_measured_in_one_unit():
 def test_what_cannot_vary_is_refused(make, message):
     with pytest.raises(am.InvalidInput, match=message):
         make()
+
+
+def test_in_a_list_of_cells_of_different_size_only_the_size_varies():
+    """Each has units of its own, so that its numbers are those of the other cell."""
+    cells = [am.Parameters.physical(R0=f"{size} um", D="1 um^2/s") for size in (10, 20)]
+    found = am.sweep(cells, lambda p: p.quantity(p.R0, "L"))
+    assert list(found.layout.coordinates) == ["R0"]
+    assert found["R0"].values == pytest.approx([10.0, 20.0])
+    assert found["value"].values == pytest.approx([10.0, 20.0])

@@ -59,6 +59,7 @@ def test_a_file_asks_for_many_steady_states_by_name():
     for wrong, told in (
         ("degrees = [1]", "degrees needs many = false"),
         ("many = 1", "must be true or false"),
+        ("max_modes = 8", "max_modes must be a whole number >= 32"),
     ):
         text = f"[vary]\nD = [0.1]\n[solver]\nname = 'steady'\n{wrong}\n"
         text += "" if "many" in wrong else "many = true\n"

@@ -117,6 +117,8 @@ def test_arrays_of_different_length_are_padded():
         ({"why": 2}, "'why', which the sweep varies"),
         ({"a": [1, "x"]}, "only numbers or only texts"),
         ({"a": [[1], [1, 2]]}, "1 dimensions, got more"),
+        ({"a": [1, 2], "a_i": 3}, "'a_i', which is the name of a dimension"),
+        ({"point": 1}, "'point', which is the name of a dimension"),
         ({"a/b": 1.0}, "valid in NetCDF, without '/'"),
         ({" a": 1.0}, "valid in NetCDF, without '/'"),
         ({"a": "x\0y"}, "valid in UTF-8 and NetCDF"),
@@ -141,6 +143,18 @@ def test_a_message_with_control_characters_is_one_line_and_goes_into_the_file(tm
     found = am.sweep(am.grid(D=[1]), angry)
     assert found.failed[0].why == r"RuntimeError: red \x1b[31m and\x00 zero \ud800"
     found.save(tmp_path / "a.nc")
+
+
+def test_an_error_that_cannot_tell_itself_is_a_failure_with_its_name():
+    class Mute(Exception):
+        def __str__(self):
+            raise ValueError("no text")
+
+    def mute(p):
+        raise Mute
+
+    found = am.sweep(am.grid(D=[1, 2]), mute)
+    assert [failure.why for failure in found.failed] == ["Mute", "Mute"]
 
 
 OF_ANOTHER_KIND = {
@@ -297,6 +311,14 @@ def test_progress_is_told_to_a_function():
     ("options", "message"),
     [
         ({"solver": 3}, "solver must be a function"),
+        ({"points": None}, "must be what amoeboid.grid"),
+        ({"points": P}, r"give \[p\] for a single one"),
+        ({"record": 3}, "record must be a list of names, got 3"),
+        ({"record": ["a", 3]}, "record must be a list of names"),
+        (
+            {"points": am.refine(am.grid(D=[1, 2]), "n"), "record": ["m"]},
+            "'n' is not among m; add it to record",
+        ),
         ({"workers": 0}, "workers must be a whole number >= 1"),
         ({"executor": 3}, "executor must have `submit`"),
         ({"executor": 3, "workers": 2}, "an executor or workers, not both"),
@@ -312,5 +334,5 @@ def test_a_wrong_call_is_refused_before_anything_is_computed(
 ):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(am.InvalidInput, match=message):
-        am.sweep(am.grid(D=[1]), **{"solver": am.theory, **options})
+        am.sweep(**{"points": am.grid(D=[1]), "solver": am.theory, **options})
     assert list(tmp_path.iterdir()) == []

@@ -224,10 +224,10 @@ class Inputs:
     """What a recorded program is given: fields and parameters by their names."""
 
     def __init__(self, f: Fields, p: Any) -> None:
-        self._f, self._p = f, p
+        self._fields, self._p = vars(f), p
 
     def __getitem__(self, name: str) -> Any:
-        return getattr(self._f, name) if hasattr(self._f, name) else getattr(self._p, name)
+        return self._fields[name] if name in self._fields else getattr(self._p, name)
 
 
 class _Recorded:

@@ -129,6 +129,8 @@ def points(base: AnyPoints, **changes: Any) -> Points:
     }
     values: dict[str, Any] = {f.name: np.asarray(getattr(base, f.name)) for f in _NUMBERS}
     found = Points(**values, **relations)
+    if not changes:
+        return found
     by_name = {f.name: f for f in _NUMBERS}
     refuse_unknown(changes, (*found.columns(), *RELATIONS), "parameter")
     checked = {name: _checked(name, by_name.get(name), value) for name, value in changes.items()}

@@ -110,7 +110,7 @@ class Relation(ABC):
         shape = np.shape(c)
         given = (*others, *self.own.values())
         arrays = [x for x in given if isinstance(x, np.ndarray)]
-        real = not any(_is_complex(x) for x in (c, *given))
+        real = not (_is_complex(c) or any(map(_is_complex, given)))
         if arrays:
             shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
@@ -192,7 +192,7 @@ class Relation(ABC):
         value = np.asarray(found)
         if value.dtype.kind in "bui":
             value = value.astype(float)
-        if real and np.iscomplexobj(value):
+        if real and value.dtype.kind == "c":
             where = np.ravel(c)[0] if np.size(c) else c
             raise InvalidInput(
                 f"{self._named(k)} must be a real number, it is complex at c = {where:.6g}"
@@ -254,7 +254,9 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_complex(value: Any) -> bool:
-    return isinstance(value, complex) or getattr(getattr(value, "dtype", None), "kind", "") == "c"
+    if isinstance(value, np.ndarray | np.generic):
+        return value.dtype.kind == "c"
+    return isinstance(value, complex)
 
 
 def _is_finite(value: Any) -> bool:
@@ -266,4 +268,5 @@ def _is_finite(value: Any) -> bool:
 
 def _floating(x: Any) -> Any:
     array = np.asarray(x)
-    return (array if array.dtype.kind in "fc" else array.astype(float))[()]
+    array = array if array.dtype.kind in "fc" else array.astype(float)
+    return array if array.ndim else array[()]

@@ -193,6 +193,20 @@ class Parameters(Material):
         kind, dot, own = name.partition(".")
         return float(getattr(self, kind).own[own]) if dot else float(getattr(self, name))
 
+    def value_in(self, name: str, units: Units | None) -> float:
+        """The number of a name in the units of another cell.
+
+        As it is where one of both has no units, or the number no known dimension.
+
+        >>> cells = [Parameters.physical(R0=f"{size} um") for size in (10, 20)]
+        >>> [cell.value_in("R0", cells[0].units) for cell in cells]
+        [1.0, 2.0]
+        """
+        value, dimension = self.value(name), self.dimension(name)
+        if self.units is None or units is None or units == self.units or dimension is None:
+            return value
+        return value * self.units.of(dimension) / units.of(dimension)
+
     def dimension(self, name: str) -> str | None:
         """Dimension of the parameter `name`, as "L^2/T"; None if a law or stress declares none."""
         kind, dot, own = name.partition(".")

@@ -10,7 +10,8 @@ import numpy as np
 from amoeboid.plotting.figures import axes_for, new_figure, own_settings, with_unit, write_figure
 from amoeboid.plotting.palette import COLOR_MAP, INK, STABLE, UNSTABLE
 from amoeboid.studies.columns import shown_number
-from amoeboid.sweeps.evaluation import FAILED, TEXT
+from amoeboid.sweeps.evaluation import FAILED
+from amoeboid.sweeps.meanings import TEXT
 from amoeboid.sweeps.result import Sweep
 from amoeboid.validation import InvalidInput
 

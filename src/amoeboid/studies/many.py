@@ -149,7 +149,8 @@ def many_steady_states(
 ) -> ManySteadyStates:
     """The polarized steady state of every cell, computed side by side with JAX.
 
-    `cells` are points, or parameters of one law and one stress. The state is that on the branch of
+    `cells` are points, or parameters of one law and one stress; numbers are in the units of the
+    first. The state is that on the branch of
     l = 1 that leaves the sphere at the lowest threshold as v_p0 grows, where it is past its folds:
     the fastest. A few cells are followed from there; the others start from the nearest of them, and
     are followed too if that fails. With `start` all start from that state, and are not followed.
@@ -163,15 +164,7 @@ def many_steady_states(
     As the solver of `sweep` it takes many points at a time (`polarized_states`).
     """
     table = cells if isinstance(cells, Points) else _points_of(cells)
-    for name, value, low, high in (
-        ("modes", modes, 8, MAX_MODES), ("max_modes", max_modes, modes, MAX_MODES),
-        ("chunk", 1 if chunk is None else chunk, 1, 10**6),
-    ):  # fmt: skip
-        whole = isinstance(value, Integral) and not isinstance(value, bool)
-        if not (whole and low <= value <= high):
-            raise InvalidInput(
-                f"{name} must be a whole number >= {low} and <= {high}, got {value!r}"
-            )
+    checked_lengths(modes, max_modes, chunk)
     guess = None
     if start is not None:
         count = int(np.prod(table.shape))
@@ -186,19 +179,47 @@ def many_steady_states(
     return ManySteadyStates(table, found)
 
 
+def checked_lengths(modes: Any, max_modes: Any, chunk: Any = None) -> None:
+    """Raise InvalidInput for lengths of a series, or a number of cells, that cannot be."""
+    for name, value, low, high in (
+        ("modes", modes, 8, MAX_MODES), ("max_modes", max_modes, modes, MAX_MODES),
+        ("chunk", 1 if chunk is None else chunk, 1, 10**6),
+    ):  # fmt: skip
+        whole = isinstance(value, Integral) and not isinstance(value, bool)
+        if not (whole and low <= value <= high):
+            raise InvalidInput(
+                f"{name} must be a whole number >= {low} and <= {high}, got {value!r:.100}"
+            )
+
+
 def _points_of(cells: Sequence[Parameters]) -> Points:
-    """A list of parameters as points. Raises InvalidInput if laws or stresses differ."""
+    """A list of parameters as points, in the units of the first.
+
+    Raises InvalidInput if laws or stresses differ, and if some have units and others none.
+    """
     if not cells or not all(isinstance(p, Parameters) for p in cells):
         raise InvalidInput(f"cells must be Points or a list of Parameters, got {cells!r:.200}")
     first = cells[0]
-    kinds = {(p.law.name, p.stress.name, *p.names) for p in cells}
-    if len(kinds) > 1:
+    if len({_relations(p) for p in cells}) > 1:
         raise InvalidInput(
             f"all cells must have the same law ({first.law.name!r}) and stress "
             f"({first.stress.name!r}), got others; compute each law separately"
         )
-    columns = {name: np.array([p.value(name) for p in cells]) for name in first.names}
+    if len({p.units is None for p in cells}) > 1:
+        raise InvalidInput(
+            "all cells must have physical units or none, got both; make them all with "
+            "Parameters.physical, or none"
+        )
+    columns = {name: np.array([p.value_in(name, first.units) for p in cells])
+               for name in first.names}  # fmt: skip
     return points(first, **columns)
+
+
+def _relations(p: Parameters) -> tuple[Any, ...]:
+    """Law and stress without the values of their own parameters, to be compared."""
+    return tuple(
+        relation.with_values(dict.fromkeys(relation.own, 0.0)) for relation in (p.law, p.stress)
+    )
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -247,7 +268,7 @@ def polarized_states(cells: Sequence[Any], **options: Any) -> list[Any]:
         if not isinstance(p, Parameters):
             answers[k] = InvalidInput(f"many_steady_states takes Parameters, got {p!r:.100}")
             continue
-        kind = (p.law.name, p.stress.name, p.names, repr(p.units), p.has_friction)
+        kind = (*_relations(p), repr(p.units), p.has_friction)
         groups.setdefault(kind, []).append(k)
     for places in groups.values():
         found = _answers([cells[k] for k in places], options)

@@ -14,18 +14,19 @@ from pathlib import Path
 from typing import Any
 
 from amoeboid.axisymmetric.lanes import jax
+from amoeboid.axisymmetric.steady import MODES
 from amoeboid.config import SECTIONS, Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.motility.words import environment
 from amoeboid.runs.branches import branch
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
-from amoeboid.studies.branch import checked_window
-from amoeboid.studies.many import MANY_MODES, many_steady_states
+from amoeboid.studies.branch import MAX_POINTS, MAX_STEP, checked_options, checked_window
+from amoeboid.studies.many import MANY_MODES, checked_lengths, many_steady_states
 from amoeboid.studies.migration import Migration, migrate
 from amoeboid.studies.states import steady_states
 from amoeboid.studies.theory import theory
-from amoeboid.sweeps.points import Base, Points, grid, paired, sobol
+from amoeboid.sweeps.points import Base, Points, checked_drawing, grid, paired, sobol
 from amoeboid.sweeps.refinement import Refinement, refine
 from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
@@ -58,6 +59,13 @@ def sweep_document(text: str, name: str, folder: Path) -> SweepDocument:
     make = SOLVERS[kind]
     solver, start = _in_table("solver", make, base, given, folder)
     points = _points(tables, start)
+    grid = points.grid if isinstance(points, Refinement) else points
+    if isinstance(grid.base, Config) and not isinstance(start, Config):
+        fields = ", ".join(name for name in grid.names if name not in start.names)
+        raise InvalidInput(
+            f"[vary]: fields of a run must be varied with [solver] name = 'simulate', {fields} "
+            f"with {kind!r}; leave them out, or choose that solver"
+        )
     return SweepDocument(points, solver, _record(tables.get("record", {})))
 
 
@@ -107,8 +115,9 @@ def _points(tables: Mapping[str, Any], base: Base) -> Points | Refinement:
     names = _flat(vary)
     if "sobol" in tables:
         given = _known("sobol", tables["sobol"], ("count", "seed"), ("count",))
-        return _in_table("vary", partial(sobol, given["count"], base, **names,
-                                         seed=given.get("seed", 0)))  # fmt: skip
+        count, seed = given["count"], given.get("seed", 0)
+        _in_table("sobol", checked_drawing, count, seed)
+        return _in_table("vary", partial(sobol, count, base, **names, seed=seed))
     found = _in_table("vary", partial(grid, base, **names))
     if "refine" not in tables:
         return found
@@ -128,7 +137,9 @@ def _known(
 
 def _pairs(tables: Sequence[Any], base: Base) -> Points:
     rows = [_flat(row) if isinstance(row, Mapping) else {} for row in tables]
-    names = list(rows[0]) if rows else []
+    if not rows or not rows[0]:
+        raise InvalidInput(f"[[vary]] must be tables of names and values, got {tables!r:.100}")
+    names = list(rows[0])
     for number, row in enumerate(rows, 1):
         if not row or set(row) != set(names):
             raise InvalidInput(
@@ -168,7 +179,9 @@ def _steady(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
         raise InvalidInput(f"[solver] {wrong} needs many = {word}; leave one of them out")
     if many:
         jax()
-        return partial(many_steady_states, max_modes=given.get("max_modes", MANY_MODES)), base
+        max_modes = given.get("max_modes", MANY_MODES)
+        checked_lengths(MODES, max_modes)
+        return partial(many_steady_states, max_modes=max_modes), base
     degrees = given.get("degrees", [1, 2, 3])
     whole = isinstance(degrees, list) and degrees and all(type(n) is int and n > 0 for n in degrees)
     if not whole:
@@ -184,6 +197,7 @@ def _branch(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
     name, start, end = given.get("vary", "v_p0"), given.get("from"), given.get("to")
     checked_window(base, name, start, end, ("[solver] vary", "[solver] from", "[solver] to"))
     options: dict[str, Any] = {k: given[k] for k in ("max_step", "max_points") if k in given}
+    checked_options(given.get("max_step", MAX_STEP), given.get("max_points", MAX_POINTS))
     if "mesh" in given:
         options["mesh"] = Icosphere(given["mesh"])
     return partial(branch, name=name, start=start, end=end, **options), base

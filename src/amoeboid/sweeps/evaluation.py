@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from amoeboid.studies.recorded import Recorded, texts
+from amoeboid.sweeps.meanings import NUMBER, TEXT, Meaning, Meanings, joined
 from amoeboid.terminal import silenced
 from amoeboid.threads import one_thread
 from amoeboid.validation import InvalidInput, refuse_unknown
@@ -27,34 +28,12 @@ from amoeboid.validation import InvalidInput, refuse_unknown
 OK, INCOMPLETE, FAILED, MISSING = "ok", "incomplete", "failed", "missing"
 STATUSES = (OK, INCOMPLETE, FAILED, MISSING)
 OWN_NAMES = ("status", "why", "warnings")
+POINT = "point"
+"""The dimension of points that are in a row."""
 VALUE = "value"
 """The name of what is recorded of a solver that gives one number or one array."""
 
 MAX_WHY = 2000
-TEXT, NUMBER = "text", "number"
-
-
-@dataclass(frozen=True)
-class Meaning:
-    """What a recorded name is: `kind` "number", "text" or "" (not known), unit, title, dims."""
-
-    kind: str
-    unit: str
-    title: str
-    dims: tuple[str, ...]
-    labels: tuple[tuple[str, tuple[Any, ...]], ...] = ()
-
-    @property
-    def is_nothing(self) -> bool:
-        """Whether it is that of None, which any value may take the place of."""
-        return not (self.kind or self.unit or self.dims)
-
-    def __str__(self) -> str:
-        what = f"{self.kind or 'no value'}{f' in {self.unit}' if self.unit else ''}"
-        return f"{what} along {', '.join(self.dims)}" if self.dims else f"a single {what}"
-
-
-Meanings = dict[str, Meaning]
 
 
 @dataclass(frozen=True)
@@ -152,7 +131,11 @@ def _line(solver: Solver, called: _Called, meanings: Meanings) -> str:
 
 
 def _why(error: BaseException) -> str:
-    told, kind = " ".join(str(error).split()), type(error).__name__
+    kind = type(error).__name__
+    try:
+        told = " ".join(str(error).split())
+    except Exception:  # a user's exception may fail to tell itself
+        told = ""
     if not told:
         return kind
     return told if isinstance(error, InvalidInput) else f"{kind}: {told}"
@@ -181,6 +164,12 @@ def _values(solver: Solver, answer: Any) -> tuple[dict[str, Any], Meanings]:
         if name in entries:
             raise InvalidInput(
                 f"the solver returns {name!r}, which the sweep varies; vary another parameter, "
+                "rename the result, or record other names"
+            )
+    for dim in dict.fromkeys((POINT, *(dim for entry in entries.values() for dim in entry.dims))):
+        if dim in entries and entries[dim].dims != (dim,):
+            raise InvalidInput(
+                f"the solver returns {dim!r}, which is the name of a dimension of the table; "
                 "rename the result, or record other names"
             )
     values, meanings = {}, {}
@@ -222,33 +211,6 @@ def _entry(name: str, value: Any) -> Recorded:
     found = np.array(value, dtype=object)  # which keeps numbers and texts apart
     dims = tuple(f"{name}_{letter}" for letter in "ijkl"[: found.ndim])
     return Recorded(found.tolist(), unit, "", dims)
-
-
-def joined(name: str, before: Meaning | None, now: Meaning) -> Meaning:
-    """One meaning for a name that several points give. Raises InvalidInput where they differ."""
-    if before is None or before == now or before.is_nothing:
-        return now
-    if now.is_nothing:
-        return before
-    kind = before.kind or now.kind
-    if replace(before, kind=kind) != replace(now, kind=now.kind or kind):
-        raise InvalidInput(
-            f"{name!r} must be of one kind at all points, it is {before} at one and {now} at "
-            "another; use different names, or None for a missing value"
-        )
-    return replace(now, kind=kind)
-
-
-def agreed(known: Meanings, new: Meanings) -> tuple[Meanings, dict[str, str]]:
-    """What names mean now, of those that may join what is known; why not, of the others."""
-    joint: Meanings = {}
-    conflicts: dict[str, str] = {}
-    for name, meaning in new.items():
-        try:
-            joint[name] = joined(name, known.get(name), meaning)
-        except InvalidInput as problem:
-            conflicts[name] = str(problem)
-    return joint, conflicts
 
 
 def without_conflicts(line: str, conflicts: Mapping[str, str]) -> str:

@@ -23,7 +23,8 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from amoeboid.sweeps.evaluation import Meanings, Solver, evaluated, failure
+from amoeboid.sweeps.evaluation import Solver, evaluated, failure
+from amoeboid.sweeps.meanings import Meanings
 from amoeboid.validation import InvalidInput
 
 Take = Callable[[Sequence[int], Sequence[str], Meanings], None]

@@ -7,8 +7,9 @@
 Every process has a file of its own in `results`, `1-of-1.jsonl` or that of its shard, which only
 grows: a point costs one line, however many there are. A line is written in one piece. A killed
 process may leave the last one unfinished; without its end of line it does not count, and is cut off
-when the sweep is continued. Points are known by their content, so that their order and their number
-may change. Nothing in the folder is executed, or made of pickles.
+when the sweep is continued. A damaged line does not count either: its point is computed again.
+Points are known by their content, so that their order and their number may change. Nothing in the
+folder is executed, or made of pickles.
 """
 
 from __future__ import annotations
@@ -27,15 +28,8 @@ from typing import Any
 
 from amoeboid.locks import FileLock, TakenError
 from amoeboid.output.atomic import PARTIAL, remove_partial, text_of, write_text
-from amoeboid.sweeps.evaluation import (
-    FAILED,
-    STATUSES,
-    Meaning,
-    Meanings,
-    agreed,
-    joined,
-    without_conflicts,
-)
+from amoeboid.sweeps.evaluation import FAILED, STATUSES, without_conflicts
+from amoeboid.sweeps.meanings import Meanings, agreed, holds, joined, meaning_from
 from amoeboid.validation import InvalidInput
 
 FORMAT, VERSION = "amoeboid sweep", 1
@@ -138,12 +132,12 @@ class SweepFolder:
         key = found.get("key")
         if isinstance(found.get("meanings"), dict) and found.get("code") == self._code:
             with suppress(TypeError, ValueError, KeyError):
-                read = {n: _meaning(m) for n, m in found["meanings"].items()}
+                read = {n: meaning_from(m) for n, m in found["meanings"].items()}
                 joint, differing = agreed(self.meanings, read)
                 conflicts |= differing
                 self.meanings |= joint
                 told |= agreed(told, read)[0]
-        elif isinstance(key, str) and found.get("status") in STATUSES:
+        elif isinstance(key, str) and _is_sound(found, told):
             line = without_conflicts(line, conflicts)
             failed_now = status_of(line) == FAILED
             if not failed_now or key not in self.rows or status_of(self.rows[key]) == FAILED:
@@ -260,13 +254,13 @@ def _refuse_another(wanted: Mapping[str, Any], found: Mapping[str, Any], folder:
         )
 
 
-def _meaning(found: Mapping[str, Any]) -> Meaning:
-    return Meaning(
-        str(found["kind"]),
-        str(found["unit"]),
-        str(found["title"]),
-        tuple(map(str, found["dims"])),
-        tuple((str(dim), tuple(labels)) for dim, labels in found["labels"]),
+def _is_sound(found: Mapping[str, Any], told: Meanings) -> bool:
+    """Whether the line of a point is one that a sweep writes, given what its file tells."""
+    values = found.get("values", {})
+    return (
+        found.get("status") in STATUSES
+        and isinstance(values, dict)
+        and all(holds(told.get(name), value) for name, value in values.items())
     )
 
 

@@ -21,12 +21,14 @@ import numpy as np
 from amoeboid.config import SECTIONS, Config, configured
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters, refuse_no_parameters
 from amoeboid.studies.columns import number_of
+from amoeboid.sweeps.evaluation import POINT
 from amoeboid.validation import InvalidInput, refuse_unknown
 
 MAX_POINTS = 10_000_000
-POINT = "point"
 SPACINGS = ("linspace", "logspace")
 MAX_SHOWN = 6
+ROUNDING = 1e-13
+"""Numbers of cells that differ relatively by less are the same in other units."""
 
 Base = Parameters | Config
 
@@ -164,11 +166,7 @@ def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -
     """
     from scipy.stats import qmc
 
-    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
-        raise InvalidInput(f"count must be a whole number >= 1, got {count!r}")
-    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
-        raise InvalidInput(f"seed must be a whole number >= 0, got {seed!r}")
-    _check_count(int(count))
+    checked_drawing(count, seed)
     start = _base(base, vary)
     ranges = {name: _range(start, name, given) for name, given in vary.items()}
     powers = math.ceil(math.log2(count)) if count > 1 else 0
@@ -183,8 +181,23 @@ def sobol(count: int, base: Base | None = None, *, seed: int = 0, **vary: Any) -
     return Points(start, columns, (POINT,), (int(count),), seed=int(seed))
 
 
+def checked_drawing(count: Any, seed: Any) -> None:
+    """Raise InvalidInput for a number of random points, or a seed, that cannot be."""
+    if isinstance(count, bool) or not isinstance(count, Integral) or count < 1:
+        raise InvalidInput(f"count must be a whole number >= 1, got {count!r:.100}")
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+        raise InvalidInput(f"seed must be a whole number >= 0, got {seed!r:.100}")
+    _check_count(int(count))
+
+
 def listed(cells: Iterable[Any]) -> Points:
     """Points from a list of parameters, or of configurations. Raises InvalidInput."""
+    if isinstance(cells, Base) or not isinstance(cells, Iterable):
+        remedy = "; give [p] for a single one" if isinstance(cells, Base) else ""
+        raise InvalidInput(
+            "the points of a sweep must be what amoeboid.grid, paired, sobol or refine make, or a "
+            f"list of parameters, got {cells!r:.100}{remedy}"
+        )
     found = tuple(cells)
     if not found:
         raise InvalidInput("a sweep must have at least one point, got none")
@@ -201,26 +214,22 @@ def listed(cells: Iterable[Any]) -> Points:
     columns: dict[str, tuple[Any, ...]] = {}
     dicts = [p.as_dict() for p in all_parameters]
     for name in dict.fromkeys(name for values in dicts for name in values):
-        values = tuple(values.get(name) for values in dicts)
-        units = {p.units for p in all_parameters}
-        if len(set(values)) > 1 or (len(units) > 1 and name in DIMENSIONS):
-            columns[name] = _own_unit(all_parameters, name, values)
+        values = tuple(
+            p.value_in(name, all_parameters[0].units) if name in p.names else own.get(name)
+            for p, own in zip(all_parameters, dicts, strict=True)
+        )
+        if _differ(values):
+            columns[name] = values
     if not columns:
         columns = {"number": tuple(float(k) for k in range(len(found)))}
     return Points(found[0], columns, (POINT,), (len(found),), cells=found)
 
 
-def _own_unit(cells: Sequence[Parameters], name: str, values: Sequence[Any]) -> tuple[Any, ...]:
-    """Values of cells with units of their own, in those of the first."""
-    first = cells[0]
-    dimension = DIMENSIONS.get(name)
-    if first.units is None or dimension is None:
-        return tuple(values)
-    size = first.units.of(dimension)
-    return tuple(
-        v * p.units.of(dimension) / size if p.units is not None and p.units != first.units else v
-        for v, p in zip(values, cells, strict=True)
-    )
+def _differ(values: Sequence[Any]) -> bool:
+    """Whether values are not all the same but for what conversion of units rounds."""
+    if all(isinstance(v, float) for v in values):
+        return max(values) - min(values) > ROUNDING * max(map(abs, values))
+    return len(set(values)) > 1
 
 
 def changed(base: Base, changes: Mapping[str, Any]) -> Base:
@@ -271,8 +280,10 @@ def axis(base: Base, name: str, values: Any) -> tuple[Any, ...]:
 
 def _value(base: Base, name: str, given: Any) -> Any:
     section, _ = _place(name)
-    if name in RELATIONS or isinstance(given, tuple | list):
-        return tuple(given) if isinstance(given, list) else given
+    if name in RELATIONS:
+        return given
+    if section != "parameters" and isinstance(given, tuple | list):
+        return tuple(given)
     if section != "parameters" and (isinstance(given, str | bool) or given is None):
         return given
     if isinstance(given, bool):
@@ -339,8 +350,11 @@ def _base(base: Any, vary: Mapping[str, Any]) -> Base:
         raise InvalidInput("a sweep must vary something: give a name with values, as D=[0.1, 0.2]")
     for name in vary:
         section, key = _place(name)
-        if section == "parameters" and not name.partition(".")[1]:
+        kind, dot, own = name.partition(".")
+        if section == "parameters" and not dot:
             refuse_unknown([name], (*DIMENSIONS, *RELATIONS), "parameter")
+        if section == "parameters" and dot and kind not in vary:
+            getattr(parameters_of(start), kind).refuse_unknown_own({own: 0.0})
         if section != "parameters":
             refuse_unknown([section], SECTIONS, "section")
             refuse_unknown([key], SECTIONS[section], "field", f"in [{section}]")

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.sweeps.points import POINT, Points
+from amoeboid.sweeps.evaluation import POINT
+from amoeboid.sweeps.points import Points
 from amoeboid.validation import InvalidInput
 
 MAX_DEPTH, MAX_LATTICE = 12, 50_000_000

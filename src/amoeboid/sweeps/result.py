@@ -12,8 +12,9 @@ from typing import Any
 
 from amoeboid.display import html_picture, html_table, plotted, shown
 from amoeboid.studies.columns import shortened, titled
-from amoeboid.sweeps.evaluation import FAILED, MISSING, NUMBER, OWN_NAMES, Meanings
+from amoeboid.sweeps.evaluation import FAILED, MISSING, OWN_NAMES
 from amoeboid.sweeps.folder import SweepFolder, read_manifest
+from amoeboid.sweeps.meanings import NUMBER, Meanings
 from amoeboid.sweeps.table import (
     Column,
     Layout,

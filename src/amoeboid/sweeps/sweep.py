@@ -18,16 +18,10 @@ from amoeboid.config import SECTIONS, Config
 from amoeboid.identity.content import Unidentified, content, name_of
 from amoeboid.model.parameters import Parameters, refuse_unwritable_relations
 from amoeboid.output.versions import installed_versions
-from amoeboid.sweeps.evaluation import (
-    FAILED,
-    Meanings,
-    Solver,
-    agreed,
-    failure,
-    without_conflicts,
-)
+from amoeboid.sweeps.evaluation import FAILED, Solver, failure, without_conflicts
 from amoeboid.sweeps.execution import Parallel, run_serially
 from amoeboid.sweeps.folder import FORMAT, TABLE, VERSION, SweepFolder
+from amoeboid.sweeps.meanings import Meanings, agreed
 from amoeboid.sweeps.points import Base, Points, listed
 from amoeboid.sweeps.refinement import Refinement
 from amoeboid.sweeps.result import Sweep
@@ -76,7 +70,8 @@ def sweep(
     `progress`: None shows a line on a terminal or in a notebook after two seconds, True at once,
     False never; a function is called with the number of points done, and of all.
 
-    Raises InvalidInput; KeyboardInterrupt, after which what is done is kept in the folder.
+    Raises InvalidInput; OSError for a folder that cannot be written; KeyboardInterrupt, after
+    which what is done is kept in the folder.
 
     >>> import amoeboid as am
     >>> found = am.sweep(am.grid(D=[0.1, 0.4, -1], v_p0=[4, 6]), am.theory)
@@ -93,7 +88,7 @@ def sweep(
     if place is not None and part == WHOLE:
         check_netcdf()
     first = _points(points)
-    names = None if record is None else tuple([record] if isinstance(record, str) else record)
+    names = _checked_record(record, plan)
     run = _Run(
         Solver(_checked(solver), names, first.names),
         _checked_executor(executor, workers, points_per_task),
@@ -321,6 +316,23 @@ def _checked(solver: Any) -> Callable[..., Any]:
             f"{solver!r:.100}"
         )
     return solver
+
+
+def _checked_record(record: Any, plan: Refinement | None) -> tuple[str, ...] | None:
+    """Names of what is recorded; None: the usual ones. Raises InvalidInput."""
+    if record is None:
+        return None
+    one = isinstance(record, str) or not isinstance(record, Iterable)
+    names = (record,) if one else tuple(record)
+    if not all(isinstance(name, str) for name in names):
+        raise InvalidInput(f"record must be a list of names, got {record!r:.100}")
+    for label in () if plan is None else plan.label:
+        if label not in names:
+            raise InvalidInput(
+                f"the label of a refinement must be recorded, {label!r} is not among "
+                f"{', '.join(names) or 'no names'}; add it to record"
+            )
+    return names
 
 
 def _checked_executor(executor: Any, workers: Any, points_per_task: Any) -> dict[str, Any] | None:

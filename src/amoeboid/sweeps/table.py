@@ -16,7 +16,8 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.output.atomic import write_atomically
 from amoeboid.studies.columns import TABLE, magnitude, unit
 from amoeboid.studies.recorded import title
-from amoeboid.sweeps.evaluation import MISSING, NUMBER, OWN_NAMES, TEXT, Meaning, Meanings
+from amoeboid.sweeps.evaluation import MISSING, OWN_NAMES
+from amoeboid.sweeps.meanings import NUMBER, TEXT, Meaning, Meanings
 from amoeboid.sweeps.points import Points
 from amoeboid.validation import InvalidInput
 
@@ -71,9 +72,19 @@ def layout_from(found: Any) -> Layout:
         shape = tuple(int(n) for n in found["shape"])
         dims = tuple(map(str, found["dims"]))
         attributes = dict(found["attributes"])
-    except (TypeError, ValueError, KeyError, AttributeError) as error:
+    except (TypeError, ValueError, KeyError, AttributeError, OverflowError) as error:
         raise InvalidInput(f"the points of a stored sweep must be readable: {error!r}") from None
+    sizes = dict(zip(dims, shape, strict=False))
+    whole = len(dims) == len(shape) == len(sizes) and min(shape, default=0) > 0
+    if not whole or not all(_has_its_values(c, sizes) for c in coordinates.values()):
+        raise InvalidInput("the points of a stored sweep must have a value for each name")
     return Layout(dims, shape, coordinates, attributes)
+
+
+def _has_its_values(coordinate: Coordinate, sizes: Mapping[str, int]) -> bool:
+    """Whether there is a number or a text for each point along its dimension."""
+    plain = all(isinstance(value, str | int | float) for value in coordinate.values)
+    return plain and [sizes.get(dim) for dim in coordinate.dims] == [len(coordinate.values)]
 
 
 def layout(points: Points, attributes: Mapping[str, Any]) -> Layout:
@@ -122,6 +133,7 @@ def columns(layout: Layout, rows: Sequence[str | None], meanings: Meanings) -> d
     names = dict.fromkeys(name for row in read for name in row.get("values", ()))
     sizes: dict[str, int] = {}
     for name in names:
+        sizes |= {dim: len(given) for dim, given in meanings[name].labels}
         for row in read:
             value = row.get("values", {}).get(name)
             for dim, size in zip(meanings[name].dims, _sizes(value), strict=False):
