@@ -87,5 +87,5 @@ def test_what_a_cue_rules_out_is_refused():
     state = steady_state(BELOW, homogeneous(BELOW), Cue(strength=0.01))
     with pytest.raises(InvalidInput, match="needs a cell without a cue"):
         growth_rates(state, 1)
-    with pytest.raises(InvalidInput, match="a branch .* needs a cell without a cue"):
+    with pytest.raises(InvalidInput, match=r"a branch .* needs a cell without a cue"):
         branch_from_state(state, "v_p0", (1.0, 3.0), 1.0)

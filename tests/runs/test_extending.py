@@ -254,5 +254,5 @@ def test_conditions_name_parameters_of_an_own_law():
     for text in ("law.m > 1", "stress.n > 1"):
         with pytest.raises(am.InvalidInput, match=r"unknown parameter .*; allowed: .*law\.n"):
             am.simulate(p, mesh=SMALL, until=am.when(text))
-    with pytest.raises(am.InvalidInput, match="'t.n' is not allowed"):
+    with pytest.raises(am.InvalidInput, match=r"'t\.n' is not allowed"):
         am.when("t.n > 1")
