@@ -103,6 +103,7 @@ html_theme_options = {
     "pygments_dark_style": "a11y-high-contrast-dark",
     "back_to_top_button": False,
 }
+html_context = {"default_mode": "auto"}  # light or dark, as the system has it
 html_sidebars = {"index": []}
 html_show_sourcelink = False
 html_copy_source = False
