@@ -32,7 +32,7 @@ ax.fill_between(D, lower, threshold, color=UNSTABLE, alpha=0.18, lw=0)
 ax.plot(D, threshold, color=STABLE, lw=2, label="threshold")
 ax.plot(D_fold, fold, color=UNSTABLE, lw=2, ls="--", label="fold")
 ax.plot(*diagram.boundary, "o", color=INK, label="they meet")
-for x, y, words in ((0.15, 6.3, "motion"), (0.435, 5.62, "rest or\nmotion"), (0.35, 3.9, "rest")):
+for x, y, words in ((0.15, 6.3, "motion"), (0.447, 5.83, "rest or\nmotion"), (0.35, 3.9, "rest")):
     ax.text(x, y, words, ha="center", va="center", fontsize=12)
 ax.set(xlim=(0.02, 0.5), ylim=(low, high))
 ax.set(xlabel="diffusion coefficient $D$ [$R_0^2 β$]")
