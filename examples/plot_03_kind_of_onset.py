@@ -20,6 +20,15 @@ from amoeboid.plotting.palette import BLUE, INK, ORANGE
 D = np.linspace(0.002, 0.16, 159)
 nu = cubic_coefficient(infinite_pressure(am.points(am.Parameters(), D=D)))
 
+# %%
+# The branches show what its sign means. Each is followed from its threshold.
+branches = {}
+for value in (0.03, 0.15):
+    cell = am.Parameters(D=value)
+    branches[value] = am.branch(cell, "v_p0", 0, 1.1 * am.theory(cell).threshold, max_step=0.1)
+
+# %%
+# Left: the coefficient. Right: one branch of each kind.
 fig, (left, right) = plt.subplots(1, 2, figsize=(9.5, 3.8), layout="constrained")
 left.axhline(0, color="0.6", lw=0.8)
 left.plot(D, np.where(nu < 0, nu, np.nan), color=BLUE, lw=2.2, label="supercritical: smooth")
@@ -27,19 +36,11 @@ left.plot(D, np.where(nu > 0, nu, np.nan), color=ORANGE, lw=2.2, label="subcriti
 left.plot(1 / 22, 0, "o", color=INK, label="$D = 1/22$")
 left.set(xlabel="diffusion coefficient $D$ [$R_0^2 β$]", ylabel="$ν$ [$β/c_r^2$]")
 left.legend(frameon=False)
-
-# %%
-# The branches show what this means. Each is followed from its threshold.
-branches = {}
-for value, color in ((0.03, BLUE), (0.15, ORANGE)):
-    cell = am.Parameters(D=value)
-    threshold = am.theory(cell).threshold
-    branch = am.branch(cell, "v_p0", 0, 1.1 * threshold, max_step=0.1)
-    branches[value] = branch
-    order = branch.v_p0 / threshold
-    right.plot(order, branch.max_retrograde_speed, color=color, lw=2, label=f"$D = {value}$")
 right.axhline(0, color="0.6", lw=0.8)
 right.axvline(1, color="0.6", lw=0.8, ls=":")
+for (value, branch), color in zip(branches.items(), (BLUE, ORANGE), strict=True):
+    order = branch.v_p0 / am.theory(am.Parameters(D=value)).threshold
+    right.plot(order, branch.max_retrograde_speed, color=color, lw=2, label=f"$D = {value}$")
 right.set(xlabel="$v_p^0$ over its threshold", ylabel="retrograde flow $v_0$ [$R_0 β$]")
 right.legend(frameon=False)
 plt.show()

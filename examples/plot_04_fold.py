@@ -38,7 +38,7 @@ for run, color, label in ((weak, GREEN, "weak start"), (strong, PURPLE, "strong 
     left.plot(5.5, run.final.max_retrograde_speed, "o", ms=9, mec="w", color=color, zorder=5)
     right.plot(run.t, run["max_retrograde_speed"], color=color, lw=2, label=f"3D, {label}")
 left.set_xlim(5, 8)
-left.get_legend().set_loc("upper left")
+left.get_legend().set_loc("center right")
 right.set(xlabel="time $t$ [$1/β$]", ylabel="maximal retrograde speed $v_0$ [$R_0 β$]")
 right.legend(frameon=False)
 plt.show()

@@ -14,9 +14,8 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.plotting.palette import BLUE, GREEN, INK, ORANGE
 
 # %%
-# The threshold in closed form for three kinds of friction.
+# Three kinds of friction.
 cell = am.Parameters(D=0.4)
-gamma = np.linspace(0, 4, 41)
 kinds = {
     "along the surface": ({"gamma_t": 1.0}, GREEN),
     "in all directions alike": ({"gamma_t": 1.0, "gamma_n": 1.0}, BLUE),
@@ -29,18 +28,23 @@ def with_friction(kind, size):
     return cell.replace(**{name: size * share for name, share in kinds[kind][0].items()})
 
 
+# %%
+# Two thresholds from the axisymmetric solver: where its equations, linearized about the sphere,
+# become singular.
+measured = {
+    kind: onset_speed(with_friction(kind, 2.5))
+    for kind in ("along the surface", "in all directions alike")
+}
+
+# %%
+# Lines are the closed form.
+gamma = np.linspace(0, 4, 41)
 fig, ax = plt.subplots(figsize=(6.4, 4.2), layout="constrained")
 for kind, (_, color) in kinds.items():
     line = [am.theory(with_friction(kind, size)).threshold for size in gamma]
     ax.plot(gamma, line, color=color, lw=2, label=kind)
-
-# %%
-# Points are thresholds of the axisymmetric solver: where its equations, linearized about the
-# sphere, become singular.
-measured = {}
-for kind in ("along the surface", "in all directions alike"):
-    measured[kind] = onset_speed(with_friction(kind, 2.5))
-    ax.plot(2.5, measured[kind], "o", color=kinds[kind][1], mec="w", ms=8)
+for kind, value in measured.items():
+    ax.plot(2.5, value, "o", color=kinds[kind][1], mec="w", ms=8)
 ax.plot([], [], "o", color=INK, label="axisymmetric solver")
 ax.set(xlabel="friction $γ$ [$η_s/R_0^2$]", ylabel="threshold $v_p^c$ [$R_0 β$]", xlim=(0, 4))
 ax.legend(frameon=False)

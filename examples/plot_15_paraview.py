@@ -37,7 +37,12 @@ plotter.add_mesh(
     smooth_shading=True,
     ambient=0.45,
     diffuse=0.6,
-    scalar_bar_args={"title": "filaments per um^2", "fmt": "%.0f"},
+    scalar_bar_args={
+        "title": "filaments per um^2\n",  # a line of its own above the numbers
+        "fmt": "%.0f",
+        "title_font_size": 20,
+        "label_font_size": 18,
+    },
 )
 arrows = surface.glyph(orient="retrograde_flow", scale="retrograde_flow", factor=4, tolerance=0.06)
 plotter.add_mesh(arrows, color="#1b1b1b")

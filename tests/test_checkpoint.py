@@ -324,6 +324,7 @@ def test_what_else_a_file_holds_is_not_even_read(stored, tmp_path):
     assert read_checkpoint(path).step.number == arrays["step"][0]
 
 
+@pytest.mark.slow
 def test_a_run_with_a_mesh_that_was_tried_in_vain_goes_on_with_the_same_bits(tmp_path):
     """A rod whose ends no mesh of so few nodes resolves: some attempts to remesh it fail."""
     r, faces = icosphere(2)

@@ -423,7 +423,7 @@ def with_ctrl_c_at(name, *words, handler="signal.default_int_handler"):
     "name",
     [
         "amoeboid.cli.main",
-        "amoeboid.cli.branch",
+        "amoeboid.cli.run",
         "numpy",
         pytest.param("numba", marks=pytest.mark.slow),
         "amoeboid.output.folder",

@@ -148,8 +148,8 @@ def test_an_empty_file_is_the_default_run():
     [
         ("[mesh", "valid TOML"),
         ("mesh = 3", "section"),
-        ("[cell]\na = 1", "no section"),
-        ("D = 1", "no section"),
+        ("[cell]\na = 1", "unknown section"),
+        ("D = 1", "unknown section"),
     ],
 )
 def test_wrong_files_are_refused(text, says):

@@ -174,4 +174,4 @@ def test_places_that_take_no_picture_are_refused_at_once(tmp_path, monkeypatch, 
         assert says in capsys.readouterr().err
     monkeypatch.setattr(os, "access", lambda *_: False)
     assert main(["branch", "--to", "8", "--plot", str(tmp_path / "a.png")]) == 2
-    assert "can be written to" in capsys.readouterr().err
+    assert "writable folder" in capsys.readouterr().err

@@ -12,7 +12,7 @@ def helped(command, columns, monkeypatch, capsys):
     """What `amoeboid COMMAND --help` prints on a terminal of so many columns."""
     monkeypatch.setenv("COLUMNS", str(columns))
     with pytest.raises(SystemExit):
-        _parser().parse_args([command, "--help"])
+        _parser([command, "--help"]).parse_args([command, "--help"])
     return capsys.readouterr().out
 
 
@@ -33,4 +33,4 @@ def test_examples_in_the_help_are_commands(command, monkeypatch, capsys):
         if line.startswith(EXAMPLE):
             program, name, *arguments = shlex.split(line)
             assert (program, name) == ("amoeboid", command)
-            assert _parser().parse_args([name, *arguments]).command == command
+            assert _parser([name]).parse_args([name, *arguments]).command == command

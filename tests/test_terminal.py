@@ -41,7 +41,7 @@ class Display:
     """What IPython's `display` does, on a list."""
 
     def __init__(self):
-        self.lines = []
+        self.lines, self.pages = [], []
 
     def __call__(self, text, **_):
         self.update(text)
@@ -49,6 +49,7 @@ class Display:
 
     def update(self, text, **_):
         self.lines.append(text["text/plain"])
+        self.pages.append(text["text/html"])
 
 
 def test_a_notebook_sees_one_line_that_is_replaced_and_erased(capsys, monkeypatch):
@@ -60,6 +61,15 @@ def test_a_notebook_sees_one_line_that_is_replaced_and_erased(capsys, monkeypatc
     assert display.lines[0].startswith("t = ")
     assert display.lines[-1] == ""
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_line_of_a_notebook_leaves_no_empty_box_and_shows_its_text_as_it_is(monkeypatch):
+    display = Display()
+    monkeypatch.setattr(terminal, "_notebook", lambda: display)
+    with terminal.shown_line() as show:
+        show(["c < 2"])
+    assert display.lines == ["c < 2", ""]
+    assert display.pages == ["<pre>c &lt; 2</pre>", ""]  # HTML of nothing takes no room
 
 
 def test_a_function_of_your_own_gets_the_rows():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import shutil
 import sys
@@ -116,21 +117,25 @@ class _TerminalLine:
 
 
 class _NotebookLine:
-    """A line below the cell of a notebook, which is replaced by the next one."""
+    """A line below the cell of a notebook, which is replaced by the next one.
+
+    It is HTML first, because an empty plain text would stay behind as an empty box.
+    """
 
     def __init__(self, display: Any) -> None:
         self._display, self._handle = display, None
 
     def show(self, parts: Sequence[str]) -> None:
-        text = {"text/plain": fitting(parts, NOTEBOOK_WIDTH)}
+        text = fitting(parts, NOTEBOOK_WIDTH)
+        data = {"text/html": f"<pre>{html.escape(text)}</pre>", "text/plain": text}
         if self._handle is None:
-            self._handle = self._display(text, raw=True, display_id=True)
+            self._handle = self._display(data, raw=True, display_id=True)
         else:
-            self._handle.update(text, raw=True)
+            self._handle.update(data, raw=True)
 
     def erase(self) -> None:
         if self._handle is not None:
-            self._handle.update({"text/plain": ""}, raw=True)
+            self._handle.update({"text/html": "", "text/plain": ""}, raw=True)
 
 
 def in_notebook() -> bool:

@@ -82,10 +82,10 @@ def test_evolution_settles_to_the_steady_state_under_a_strong_cue():
 
 def test_what_a_cue_rules_out_is_refused():
     across = Cue(strength=0.1, direction=(1, 0, 1))
-    with pytest.raises(InvalidInput, match=r"direction \(0, 0, 1\).*in 3D"):
+    with pytest.raises(InvalidInput, match=r"direction \(0, 0, 1\).*3D run"):
         steady_state(BELOW, homogeneous(BELOW), across)
     state = steady_state(BELOW, homogeneous(BELOW), Cue(strength=0.01))
-    with pytest.raises(InvalidInput, match="the spectrum of a steady state must be"):
+    with pytest.raises(InvalidInput, match="needs a cell without a cue"):
         growth_rates(state, 1)
-    with pytest.raises(InvalidInput, match="a branch of steady states must be"):
+    with pytest.raises(InvalidInput, match=r"a branch .* needs a cell without a cue"):
         branch_from_state(state, "v_p0", (1.0, 3.0), 1.0)

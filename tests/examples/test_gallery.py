@@ -32,6 +32,15 @@ def test_a_script_has_a_title_a_figure_and_ends_in_a_check(path):
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
+def test_a_figure_is_made_and_shown_in_one_cell(path):
+    """The site takes the figures of a cell when the cell ends: what follows would not be seen."""
+    cells = path.read_text(encoding="utf-8").split("# %%\n")
+    made = [k for k, cell in enumerate(cells) if re.search(r"plt\.(subplots|figure)\(", cell)]
+    shown = [k for k, cell in enumerate(cells) if "plt.show()" in cell]
+    assert made == shown
+
+
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda path: path.stem)
 def test_a_script_names_no_place_of_a_machine(path):
     assert not re.search(r"/(home|tmp|work|Users)/", path.read_text(encoding="utf-8"))
 

@@ -429,7 +429,7 @@ def test_a_missing_package_is_named_with_its_extra(plain, tmp_path, monkeypatch)
     monkeypatch.setenv("PATH", str(tmp_path))
     with pytest.raises(am.InvalidInput, match=r"netcdf needs h5netcdf.*'amoeboid\[data\]'"):
         plain.export(tmp_path / "run.nc")
-    with pytest.raises(am.InvalidInput, match=r"mp4 without ffmpeg needs.*'amoeboid\[movie\]'"):
+    with pytest.raises(am.InvalidInput, match=r"mp4 needs ffmpeg.*'amoeboid\[movie\]'"):
         plain.export(tmp_path / "run.mp4")
     assert not list(tmp_path.iterdir())
 

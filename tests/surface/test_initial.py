@@ -3,7 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from amoeboid.config import Config, Initial, Mesh, Time, resolved
@@ -47,6 +47,7 @@ def test_low_harmonics_are_the_textbook_polynomials():
         np.testing.assert_allclose(real_harmonic(l, m, r.T), values, atol=1e-14)
 
 
+@settings(max_examples=20)
 @given(st.tuples(UNIT, UNIT, UNIT).filter(any), st.integers(0, 150))
 def test_squares_of_the_harmonics_of_one_degree_sum_to_one(direction, l):
     total = sum(real_harmonic(l, m, [direction]) ** 2 for m in range(-l, l + 1))

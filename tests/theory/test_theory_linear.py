@@ -248,9 +248,9 @@ def test_inverse_law_refuses_c0_zero():
 
 
 def test_overflow_is_refused():
-    with pytest.raises(InvalidInput, match="beyond double precision"):
+    with pytest.raises(InvalidInput, match="exceeds double precision"):
         growth_rate(Parameters(R0=1e-200), 1)
-    with pytest.raises(InvalidInput, match="beyond double precision"):
+    with pytest.raises(InvalidInput, match="exceeds double precision"):
         critical_speed(Parameters(c0=705.0, D=1e10))
 
 
