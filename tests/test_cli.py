@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -373,6 +374,20 @@ def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
     assert not [name for _, _, files in os.walk(folder) for name in files if "partial" in name]
     end = str(manifest["t"] + 0.5)
     assert main(["run", "--resume", str(folder), "--set", f"time.end={end}", "--json"]) == 0
+
+
+def test_an_interrupted_run_says_once_when_it_stopped(tmp_path, monkeypatch, capsys):
+    @contextmanager
+    def stopping(start, end):
+        presses = iter([signal.SIGINT])  # a second one would end it at once
+        yield lambda row: [os.kill(os.getpid(), press) for press in presses]
+
+    monkeypatch.setattr("amoeboid.runs.progress.reported", stopping)
+    words = ["--set", "mesh.subdivisions=1", "-o", str(tmp_path / "run")]
+    assert main(["run", *words]) == 130
+    last = [line for line in capsys.readouterr().out.splitlines() if " steps, " in line]
+    assert len(last) == 1
+    assert re.fullmatch(r"interrupted at t = \S+, \d+ steps, \S+ s", last[0])
 
 
 # Ctrl-C when a module is looked for, in a callback whose exceptions Python ignores.

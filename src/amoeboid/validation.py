@@ -18,6 +18,7 @@ class InvalidInput(ValueError):
 
 
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
+WITH_UNIT = re.compile(r"[+-]?\d[\d.]*(?:[eE][+-]?\d+)? ?[A-Za-z\u00b5\u03bc*/]")
 
 
 def number(
@@ -182,9 +183,18 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     try:
         return _converted(value, f)
     except _Unfit as unfit:
-        remedy = "; write a decimal point" if DECIMAL_COMMA.fullmatch(str(value)) else ""
+        remedy = _remedy(value) if f.metadata["kind"] is float else ""
         message = f"{name} must be {rule(f)}, got {value!r}{remedy}"
         raise InvalidInput(message) from unfit.__cause__
+
+
+def _remedy(value: Any) -> str:
+    """What to do about a text where a number is due, as far as it shows what was meant."""
+    if DECIMAL_COMMA.fullmatch(str(value)):
+        return "; write a decimal point"
+    if isinstance(value, str) and WITH_UNIT.match(value):
+        return "; values with units are for Parameters.physical, and for commands with --physical"
+    return ""
 
 
 class _Unfit(Exception):

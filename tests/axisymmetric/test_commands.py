@@ -163,6 +163,21 @@ def test_commands_say_which_parameters_count(capsys, command):
     assert "v_p0 = 3.6" in out.splitlines()[0]
 
 
+@pytest.mark.parametrize(
+    ("words", "first"),
+    [
+        (("branch", "--to", "6", "--max-step", "0.4"), "D = 0.4, v_p0 varies, all else as"),
+        (
+            ("phase-diagram", "--from", "0.3", "--to", "0.4", "--columns", "2", "--rows", "2"),
+            "D varies, v_p0 varies, all else as",
+        ),
+    ],
+)
+def test_a_parameter_that_varies_has_no_value_in_the_first_line(capsys, words, first):
+    _, out, _ = run(capsys, *words, "--set", "D=0.4")
+    assert out.splitlines()[0].startswith(first)
+
+
 SMOOTH = ("--physical", "--set", "D=1 um^2/s", "--set", "v_p0=2 um/s")
 
 

@@ -214,7 +214,7 @@ def test_ctrl_c_says_how_to_go_on():
     process.send_signal(signal.SIGINT)
     out, err = process.communicate()
     assert (process.returncode, out) == (130, b"")
-    assert b"what is done is kept in 'a'; the same command goes on" in err
+    assert b"finished points are kept in 'a'; the same command continues" in err
     assert 0 < am.load_sweep("a").done < 500
 
 

@@ -123,7 +123,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_document(found, names))
     else:
-        say_parameters(p)
+        say_parameters(p, [args.vary])
         _print_branch(found, names)
     code = 0 if found.complete else INCOMPLETE
 

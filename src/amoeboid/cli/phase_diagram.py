@@ -113,7 +113,7 @@ def execute(args: argparse.Namespace) -> int:
     if args.json:
         print_json(_document(diagram))
     else:
-        say_parameters(p)
+        say_parameters(p, ["v_p0", args.vary])
         _print_diagram(diagram)
 
     def draw(path: Path) -> None:

@@ -116,7 +116,7 @@ def execute(args: argparse.Namespace) -> int:
         shape = {} if run.adapted is None else {"initial_shape": run.adapted}
         print_json(summary | shape | {"status": status})
     else:
-        _print_summary(summary, last, why)
+        _print_summary(summary, last, why if status == FINISHED else status)
     _draw(run, last)
     return EXIT_CODES[status]
 

@@ -158,11 +158,16 @@ def quantities(settings: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def say_parameters(p: Parameters) -> None:
-    """Print the parameters that count, in one line or, where it is too narrow, in several."""
-    limit = width()
-    fits = limit is None or len(p.description) <= limit
-    say(*([p.description] if fits else p.description.split(", ")), "")
+def say_parameters(p: Parameters, varied: Sequence[str] = ()) -> None:
+    """Print the parameters that count, in one line or, where it is too narrow, in several.
+
+    `varied`: names whose values differ from row to row of what follows.
+    """
+    limit, line = width(), p.description
+    for name in varied:
+        line = re.sub(rf"\b{re.escape(name)} = [^,]*", f"{name} varies", line, count=1)
+    fits = limit is None or len(line) <= limit
+    say(*([line] if fits else line.split(", ")), "")
 
 
 def print_json(result: dict[str, Any]) -> None:

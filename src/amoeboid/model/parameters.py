@@ -412,6 +412,7 @@ def parameters_from(mapping: Mapping[str, Any]) -> Parameters:
 def parameters_to_toml(p: Parameters) -> str:
     """The parameters as TOML text; `parameters_from_toml` reads them back equal.
 
+    A cell with physical units is written in numbers of its own units; their size is left out.
     Raises InvalidInput for a law or a stress that a text cannot hold.
 
     >>> p = Parameters(D=0.4)
