@@ -24,19 +24,21 @@ import sys
 import amoeboid as am
 from sweeps import solvers
 if __name__ == "__main__":
-    points = am.grid(v_p0={"linspace": [1, 9, 60]})
+    points = am.grid(v_p0={"linspace": [1, 9, int(sys.argv[3])]})
     am.sweep(points, solvers.slow, folder=sys.argv[1], workers=int(sys.argv[2]) or None)
 """
 TESTS = Path(__file__).parents[1]
 
 
-def started(folder, workers=0):
+def started(folder, workers=0, count=60):
     """A process that makes the sweep in a folder."""
     env = {**os.environ, "PYTHONPATH": str(TESTS)}
     script = folder.with_suffix(".py")
     script.write_text(SCRIPT)
     return subprocess.Popen(
-        [sys.executable, str(script), str(folder), str(workers)], env=env, stderr=subprocess.PIPE
+        [sys.executable, str(script), str(folder), str(workers), str(count)],
+        env=env,
+        stderr=subprocess.PIPE,
     )
 
 
@@ -45,11 +47,11 @@ def lines(folder):
     return sum(p.read_bytes().count(b"\n") for p in (folder / "results").glob("*.jsonl"))
 
 
-def killed(folder, kills, workers, seed=0):
+def killed(folder, kills, workers, count, seed=0):
     """Make the sweep with that many kills at random moments; how many have hit."""
     chance, hits = random.Random(seed), 0  # noqa: S311
     while True:
-        process = started(folder, workers)
+        process = started(folder, workers, count)
         begun = lines(folder)
         wanted = begun + chance.randrange(1, 4)
         while hits < kills and process.poll() is None and lines(folder) < wanted:
@@ -73,8 +75,10 @@ def killed(folder, kills, workers, seed=0):
     ],
 )
 def test_a_killed_sweep_that_is_continued_has_the_same_table_bit_for_bit(tmp_path, kills, workers):
-    am.sweep(POINTS, solvers.slow, folder=tmp_path / "whole")
-    assert killed(tmp_path / "killed", kills, workers) == kills
+    count = 10 * (kills + 1)  # so many that no run between two kills comes to the end
+    points = am.grid(v_p0={"linspace": [1, 9, count]})
+    am.sweep(points, solvers.slow, folder=tmp_path / "whole")
+    assert killed(tmp_path / "killed", kills, workers, count) == kills
     assert solvers.whole(tmp_path / "killed") == solvers.whole(tmp_path / "whole")
     # nothing was computed twice but for what was in flight
     extra = lines(tmp_path / "killed") - lines(tmp_path / "whole")
