@@ -27,8 +27,10 @@ def seconds_to_branch(page: Page, **values: float) -> float:
     """From a change of values to the branch of these values."""
     begun = time.monotonic()
     number = page.ask(values)
-    page.until(lambda m: m.get("number") == number and m["kind"] in ("branch", "refused"))
-    return time.monotonic() - begun
+    page.until(lambda m: m.get("number") == number and m["kind"] == "branch")
+    passed = time.monotonic() - begun
+    page.until(lambda m: m.get("number") == number and m["kind"] == "states")  # the last answer
+    return passed
 
 
 def branches() -> dict[str, float]:
