@@ -3,7 +3,7 @@
 import pytest
 
 from explore.chromium import browser
-from explore.serving import explorer
+from explore.serving import Page, explorer
 
 
 @pytest.fixture(scope="module")
@@ -15,6 +15,18 @@ def chromium():
 @pytest.fixture(scope="module")
 def server(tmp_path_factory):
     with explorer(cwd=tmp_path_factory.mktemp("pages")) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def address(server):
+    return server[1]
+
+
+@pytest.fixture(scope="module")
+def page(address):
+    """A page without a browser."""
+    with Page(address) as found:
         yield found
 
 

@@ -18,23 +18,6 @@ from explore.serving import Page, children, explorer, origin_of
 D4 = {"D": 0.4, "v_p0": 5.5}
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with explorer(cwd=tmp_path_factory.mktemp("hostile")) as found:
-        yield found
-
-
-@pytest.fixture(scope="module")
-def address(server):
-    return server[1]
-
-
-@pytest.fixture(scope="module")
-def page(address):
-    with Page(address) as found:
-        yield found
-
-
 def test_a_browser_is_started_with_an_address_that_is_good_once(tmp_path):
     told = tmp_path / "told"
     opener = tmp_path / "opener"

@@ -25,23 +25,6 @@ from explore.serving import Page, children, explorer, gone, origin_of
 D4 = {"D": 0.4, "v_p0": 5.5}
 
 
-@pytest.fixture(scope="module")
-def server(tmp_path_factory):
-    with explorer(cwd=tmp_path_factory.mktemp("explorer")) as (process, address):
-        yield process, address
-
-
-@pytest.fixture(scope="module")
-def address(server):
-    return server[1]
-
-
-@pytest.fixture(scope="module")
-def page(address):
-    with Page(address) as page:
-        yield page
-
-
 def test_the_page_and_its_files_come_with_a_policy_that_loads_nothing_else(address):
     answer, body = got(address)
     assert answer.status == 200
