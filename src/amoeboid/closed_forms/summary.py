@@ -45,14 +45,8 @@ NU = "L^4/(T N^2)"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Weakly:
-    """What the amplitude equation says at a point that has a threshold.
-
-    nu, m_2, r_2, the bifurcation and the prediction are those at the pressure of the cell. `state`
-    and `max_retrograde_speed` are those of the cubic equation alone. What needs the next order
-    (nu_5, prediction, trusted distance) is None with friction or bending, where it is not known;
-    delta_P_star is None where mode 2 leads at every pressure.
-    """
+class _Bifurcation:
+    """What is known at the threshold itself."""
 
     v_p_critical: float
     nu: float
@@ -63,6 +57,18 @@ class Weakly:
     nu_5_infinite_pressure: float | None
     bifurcation_infinite_pressure: str
     delta_P_star: float | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Weakly(_Bifurcation):
+    """What the amplitude equation says at a point that has a threshold.
+
+    nu, m_2, r_2, the bifurcation and the prediction are those at the pressure of the cell. `state`
+    and `max_retrograde_speed` are those of the cubic equation alone. What needs the next order
+    (nu_5, prediction, trusted distance) is None with friction or bending, where it is not known;
+    delta_P_star is None where mode 2 leads at every pressure.
+    """
+
     state: SteadyAmplitude
     max_retrograde_speed: float
     prediction: Prediction | None
@@ -92,18 +98,9 @@ class Summary:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _AtThreshold:
+class _AtThreshold(_Bifurcation):
     """What `Weakly` says about the threshold, with notes, and why the error is not known, if so."""
 
-    v_p_critical: float
-    nu: float
-    m_2: float
-    r_2: float
-    bifurcation: str
-    nu_infinite_pressure: float
-    nu_5_infinite_pressure: float | None
-    bifurcation_infinite_pressure: str
-    delta_P_star: float | None
     trusted_distance: float | None
     notes: tuple[str, ...]
     no_estimate: str
