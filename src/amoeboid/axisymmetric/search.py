@@ -14,7 +14,7 @@ from amoeboid.axisymmetric.evolution import evolve_to_steady, newton_refined, pe
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speeds
 from amoeboid.axisymmetric.paths import SAME, Path, modes_of, steady_state_at
 from amoeboid.axisymmetric.progress import Watch, unwatched
-from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
+from amoeboid.axisymmetric.linearization import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.closed_forms.linear import growth_rate

@@ -313,15 +313,23 @@ class SteadySolution(Measured):
             self.parameters, self.shape, f.c, f.u, np.zeros(self.n), speeds, self.zeta0
         )
 
-    def position(self, x: Array) -> tuple[Array, Array]:
-        """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
+    @cached_property
+    def meridian(self) -> tuple[Array, Array, float]:
+        """Sine coefficients of r, cosine coefficients of z, both over ds/dx, and their mean.
+
+        From k = 1 on; the mean is that of z at the two poles, over ds/dx.
+        """
         fine = grid(2 * self.n)
         psi = fields_of(resampled(self.x, self.n, fine.n), fine.n).psi
         k = np.arange(1, fine.n + 1)
-        phases = np.outer(x, k)
         runs = np.append((fine.to_even @ np.cos(psi))[1:], 0.0) / k
         rises = (fine.to_odd @ np.sin(psi)) / k
-        middle = np.sum(rises[1::2])  # the mean of z at the two poles becomes zero
+        return runs, rises, float(np.sum(rises[1::2]))
+
+    def position(self, x: Array) -> tuple[Array, Array]:
+        """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
+        runs, rises, middle = self.meridian
+        phases = np.outer(x, np.arange(1, runs.size + 1))
         return self.length_scale * (np.sin(phases) @ runs), self.length_scale * (
             np.cos(phases) @ rises - middle
         )
