@@ -11,10 +11,10 @@ from typing import Any, overload
 import numpy as np
 
 from amoeboid.axisymmetric.evolution import evolve_to_steady, newton_refined, perturbed_sphere
+from amoeboid.axisymmetric.linearization import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speeds
 from amoeboid.axisymmetric.paths import SAME, Path, modes_of, steady_state_at
 from amoeboid.axisymmetric.progress import Watch, unwatched
-from amoeboid.axisymmetric.linearization import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.closed_forms.linear import growth_rate
