@@ -7,17 +7,16 @@ import numpy as np
 import pytest
 
 from amoeboid.numerics.arcs import Arc, _bracketed, _direct, arcs, at_value
-from amoeboid.numerics.continuation import (
+from amoeboid.numerics.branch_points import (
     Options,
     Stalled,
-    _bend,
     at_distance,
     at_parameter,
-    follow,
-    located,
     started,
     through,
 )
+from amoeboid.numerics.continuation import _bend, follow
+from amoeboid.numerics.locating import located
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
 from amoeboid.validation import InvalidInput

@@ -21,7 +21,8 @@ from amoeboid.axisymmetric.stability import (
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import finer
-from amoeboid.numerics.continuation import Options, Point, Stalled, located
+from amoeboid.numerics.branch_points import Options, Point, Stalled
+from amoeboid.numerics.locating import located
 
 
 @dataclass(frozen=True, eq=False)

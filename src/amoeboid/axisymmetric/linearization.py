@@ -47,6 +47,10 @@ MAX_TOGETHER = 16
 """States that go through one call together: more gain nothing and need more memory."""
 
 
+MULTIPLE = 4
+"""Degrees are multiples of this, so that more states of a branch share one."""
+
+
 @dataclass(frozen=True, eq=False)
 class Linearization:
     """The linear problem about states with the same number of modes, on the same harmonics.
@@ -206,7 +210,8 @@ def _resolving(state: SteadySolution) -> int:
         sizes = np.abs(series)
         large = np.nonzero(sizes > 1e-7 * max(sizes.max(), float(first)))[0]
         last = max(last, int(large[-1]) + first if large.size else 0)
-    return min(max(12, last + 4), max(state.n, 12))
+    enough = MULTIPLE * -(-(last + 4) // MULTIPLE)
+    return min(max(12, enough), max(state.n, 12))
 
 
 def highest_growing(p: Parameters) -> int:

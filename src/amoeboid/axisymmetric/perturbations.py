@@ -230,14 +230,26 @@ def _turned(matrix: Array) -> Array:
 
 def _below(parts: Sequence[Array]) -> Array:
     """One below the other; those that are the same about every state are repeated."""
-    first = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-    return np.concatenate([np.broadcast_to(q, first + q.shape[-2:]) for q in parts], axis=-2)
+    most = max(parts, key=lambda part: part.ndim)
+    count = sum(part.shape[-2] for part in parts)
+    found = np.empty((*most.shape[:-2], count, most.shape[-1]))
+    row = 0
+    for part in parts:
+        found[..., row : row + part.shape[-2], :] = part
+        row += part.shape[-2]
+    return found
 
 
 def _beside(parts: Sequence[Array]) -> Array:
     """One beside the other, in the same way."""
-    first = np.broadcast_shapes(*(part.shape[:-2] for part in parts))
-    return np.concatenate([np.broadcast_to(q, first + q.shape[-2:]) for q in parts], axis=-1)
+    most = max(parts, key=lambda part: part.ndim)
+    count = sum(part.shape[-1] for part in parts)
+    found = np.empty((*most.shape[:-1], count))
+    column = 0
+    for part in parts:
+        found[..., column : column + part.shape[-1]] = part
+        column += part.shape[-1]
+    return found
 
 
 def _stiffness(p: Any, base: Base, trial: Trial) -> Array:

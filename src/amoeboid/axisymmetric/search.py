@@ -22,7 +22,7 @@ from amoeboid.closed_forms.points import points
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
-from amoeboid.numerics.continuation import Options, Point, Stalled
+from amoeboid.numerics.branch_points import Options, Point, Stalled
 from amoeboid.numerics.integrators import StepTooSmall
 from amoeboid.validation import InvalidInput
 

@@ -93,11 +93,11 @@ def is_stable(state: SteadySolution) -> bool:
 def are_stable(states: Sequence[SteadySolution]) -> list[bool]:
     """The same of several states."""
     found = [True] * len(states)
-    for m in AZIMUTHAL_NUMBERS:
-        left = [k for k, stable in enumerate(found) if stable]
-        for which, about in linearizations([states[k] for k in left]):
-            for k, count in zip(which, _counts(about, m), strict=True):
-                found[left[k]] = count == 0
+    for which, about in linearizations(states):
+        for m in AZIMUTHAL_NUMBERS:
+            if any(found[k] for k in which):
+                for k, count in zip(which, _counts(about, m), strict=True):
+                    found[k] = found[k] and count == 0
     return found
 
 

@@ -18,7 +18,7 @@ from amoeboid.axisymmetric.search import MAX_RISING_MODES, MIN_EXCURSION, stabil
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
-from amoeboid.numerics.continuation import Options, Point, Stalled
+from amoeboid.numerics.branch_points import Options, Point, Stalled
 from amoeboid.validation import InvalidInput
 
 MAX_EXCURSION = {"v_p0": 1.25}

@@ -49,7 +49,10 @@ class Relation(ABC):
     @property
     def own(self) -> dict[str, Any]:
         """Parameters of its own by name: the fields of its dataclass that are numbers."""
-        values = {name: getattr(self, name) for name in _field_names(type(self))}
+        names = _field_names(type(self))
+        if not names:
+            return {}
+        values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if _is_number(value)}
 
     def replaced(self, own: Mapping[str, Any]) -> Self:
