@@ -7,6 +7,7 @@ turns from super- to subcritical.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -26,7 +27,7 @@ from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate
 from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.arcs import Arc, arcs, at_value, unknowns_at
+from amoeboid.numerics.arcs import Arc, arcs, at_value, on_one_system, unknowns_at
 from amoeboid.numerics.branch_points import Options, Point, Stalled, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
@@ -198,7 +199,8 @@ def _fastest_stable(p: Parameters, speeds: Array, path: list[Arc], options: Opti
     0 without one; NaN where a state that the branch passes cannot be found.
     """
     flow = np.zeros(speeds.size)
-    waiting = {row: _backwards(p, float(v), path, options) for row, v in enumerate(speeds)}
+    passed = [_prepared(arc, speeds, options) for arc in reversed(path)]
+    waiting = {row: _polarized(p, float(v), passed, options) for row, v in enumerate(speeds)}
     while waiting:
         tried: dict[int, tuple[SteadySolution, float]] = {}
         for row, others in list(waiting.items()):
@@ -214,14 +216,19 @@ def _fastest_stable(p: Parameters, speeds: Array, path: list[Arc], options: Opti
     return flow
 
 
-def _backwards(
+def _prepared(arc: Arc, speeds: Array, options: Options) -> Arc:
+    """The arc on one system if any of the speeds lies on it: once for all of them."""
+    if any(arc.holds(v) for v in speeds):
+        with suppress(Stalled):  # whoever looks for a state there meets it again
+            return on_one_system(arc, options)
+    return arc
+
+
+def _polarized(
     p: Parameters, v_p0: float, path: list[Arc], options: Options
 ) -> Iterator[tuple[SteadySolution, float]]:
-    """The polarized states at v_p0 on a branch and their maximal retrograde speeds.
-
-    The last one first; raises Stalled.
-    """
-    for arc in reversed(path):
+    """The polarized states at v_p0 on arcs and their maximal retrograde speeds; raises Stalled."""
+    for arc in path:
         x = unknowns_at(arc, v_p0, options)
         if x is not None:
             state = SteadySolution(p.replace(v_p0=v_p0), mode_count(x), x, True, ())

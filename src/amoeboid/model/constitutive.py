@@ -109,11 +109,11 @@ class Relation(ABC):
         if isinstance(at[0], Traced):
             return tuple(self._traced(order, at))
         c = _floating(at[0])
-        others = [x if isinstance(x, float | complex) else _floating(x) for x in at[1:]]
+        others = [x if isinstance(x, float) else _floating(x) for x in at[1:]]
         shape = np.shape(c)
-        given = (*others, *self.own.values())
-        arrays = [x for x in given if isinstance(x, np.ndarray)]
-        real = not (_is_complex(c) or any(map(_is_complex, given)))
+        special = [x for x in (*others, *self.own.values()) if not isinstance(x, float)]
+        real = not (_is_complex(c) or any(map(_is_complex, special)))
+        arrays = [x for x in special if isinstance(x, np.ndarray)]
         if arrays:
             shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
@@ -193,6 +193,8 @@ class Relation(ABC):
         Raises InvalidInput if it is none, or not finite.
         """
         value = np.asarray(found)
+        if real and value.dtype == float and value.shape == shape and np.isfinite(value).all():
+            return value
         if value.dtype.kind in "bui":
             value = value.astype(float)
         if real and value.dtype.kind == "c":

@@ -105,7 +105,7 @@ def unknowns_at(arc: Arc, value: float, options: Options) -> Array | None:
 def _at_value(arc: Arc, value: float, options: Options, direct: _Direct) -> Point | None:
     if not arc.holds(value):
         return None
-    arc = _on_one_system(arc, options)
+    arc = on_one_system(arc, options)
     while True:
         point = direct(arc, value, options) or _bracketed(arc, value, options)
         if point.system.resolved(point.x, np.array([value])):
@@ -116,8 +116,8 @@ def _at_value(arc: Arc, value: float, options: Options, direct: _Direct) -> Poin
         arc = _carried(arc, arc.anchor.x.size, options)
 
 
-def _on_one_system(arc: Arc, options: Options) -> Arc:
-    """The arc with all its points on the finest of their systems."""
+def on_one_system(arc: Arc, options: Options) -> Arc:
+    """The arc with all its points on the finest of their systems; raises Stalled."""
     size = max(q.x.size for q in (arc.anchor, arc.a, arc.b))
     while min(q.x.size for q in (arc.anchor, arc.a, arc.b)) < size:
         arc = _carried(arc, min(q.x.size for q in (arc.anchor, arc.a, arc.b)), options)
