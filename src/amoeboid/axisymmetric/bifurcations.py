@@ -9,6 +9,7 @@ from functools import cached_property
 from itertools import pairwise
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.linearization import slow_rate
 from amoeboid.axisymmetric.paths import steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch
 from amoeboid.axisymmetric.stability import (
@@ -40,8 +41,8 @@ class BranchPoint:
     @cached_property
     def unstable(self) -> dict[int, int]:
         """Number of unstable modes for m = 0, 1, 2, 3."""
-        p = self.state.parameters
-        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
+        slow = slow_rate(self.state.parameters)
+        return {m: count_unstable(rates, slow) for m, rates in self.rates.items()}
 
     @property
     def stable(self) -> bool:
@@ -146,6 +147,6 @@ def _bifurcation(
         return None
     with suppress(Stalled):
         [at] = branch_points([located(start, end, rate, options)], p, name)
-        still = neutral_rate(at.rates[m], at.state.parameters)
+        still = neutral_rate(at.rates[m], slow_rate(at.state.parameters))
         return Bifurcation(m, bool(abs(at.rates[m][k].imag) > still), at)
     return None

@@ -11,7 +11,7 @@ lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`)
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -31,11 +31,11 @@ from amoeboid.axisymmetric.perturbations import (
     trial_velocities,
     velocity_response,
 )
-from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.steady import SteadySolution, unknowns_in_units
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import finite_pressure_rates
 from amoeboid.closed_forms.points import points
-from amoeboid.model.natural_units import natural_units
+from amoeboid.model.natural_units import natural_units, point_in_units
 from amoeboid.model.parameters import DIMENSIONS, ParameterPoint, Parameters
 from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
@@ -84,6 +84,11 @@ class Linearization:
         """ds/dx of the states."""
         return _column([state.length_scale for state in self.states])
 
+    @cached_property
+    def slow_rates(self) -> list[float]:
+        """`slow_rate` of the states, in their units."""
+        return [slow_rate(state.parameters) for state in self.states]
+
     def basis(self, m: int) -> HarmonicBasis:
         """The harmonics of azimuthal number m."""
         return harmonics(m, self.degree, (3 * self.degree) // 2 + 4)
@@ -120,6 +125,11 @@ class Linearization:
         left_out, counts = removed(conserved, base, basis, mass, rigid)
         counts = np.broadcast_to(counts, (len(self.states), counts.shape[-1]))
         return np.concatenate(halves, axis=-2), left_out, counts
+
+
+def slow_rate(p: Any) -> float:
+    """The rates of turnover, diffusion and treadmilling together [1/time]."""
+    return float(p.beta + p.D / p.R0**2 + abs(float(p.v_p(p.c0))) / p.R0)
 
 
 class _Together(ParameterPoint):
@@ -166,7 +176,14 @@ def linearizations(
         refuse_cue(state.cue, "the spectrum of a steady state")
     degrees = [degree] * len(states) if degree else degrees_for(states)
     units = [natural_units(state.parameters) for state in states]
-    natural = [state.in_units(own) for state, own in zip(states, units, strict=True)]
+    natural = [
+        replace(
+            state,
+            parameters=point_in_units(state.parameters, own),  # type: ignore[arg-type]
+            x=unknowns_in_units(state.x, state.n, own),
+        )
+        for state, own in zip(states, units, strict=True)
+    ]
     alike: dict[Hashable, list[int]] = {}
     for k, state in enumerate(natural):
         alike.setdefault((state.n, degrees[k], *_terms(state.parameters)), []).append(k)
@@ -184,7 +201,7 @@ def linearizations(
     ]
 
 
-def _terms(p: Parameters) -> tuple[Hashable, ...]:
+def _terms(p: Any) -> tuple[Hashable, ...]:
     """What decides which terms the linear problem of a cell has."""
     return p.beta == 0, p.kappa == 0, p.has_friction, p.gamma_share, p.c0
 

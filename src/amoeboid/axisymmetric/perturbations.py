@@ -6,7 +6,7 @@ See `stability` for the equations.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -102,7 +102,7 @@ def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
 
 def together(bases: Sequence[Base]) -> Base:
     """Several states at the nodes of the same basis as one."""
-    return Base(*(np.stack([getattr(b, f.name) for b in bases]) for f in fields(Base)))
+    return Base(*map(np.array, zip(*(vars(base).values() for base in bases), strict=True)))
 
 
 @dataclass(frozen=True)

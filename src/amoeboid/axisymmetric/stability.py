@@ -102,22 +102,21 @@ def are_stable(states: Sequence[SteadySolution]) -> list[bool]:
 
 
 def _counts(about: Linearization, m: int) -> list[int]:
-    rates = zip(about.growth_rates(m), about.units, about.states, strict=True)
-    return [count_unstable(found / unit, state.parameters) for found, unit, state in rates]
+    rates = zip(about.growth_rates(m), about.units, about.slow_rates, strict=True)
+    return [count_unstable(found / unit, slow) for found, unit, slow in rates]
 
 
-def count_unstable(rates: Array, p: Parameters) -> int:
+def count_unstable(rates: Array, slow: float) -> int:
     """How many growth rates are positive beyond `neutral_rate`."""
-    return int(np.sum(rates.real > neutral_rate(rates, p)))
+    return int(np.sum(rates.real > neutral_rate(rates, slow)))
 
 
-def neutral_rate(rates: Array, p: Parameters) -> float:
-    """The size up to which a rate is taken for zero [1/time].
+def neutral_rate(rates: Array, slow: float) -> float:
+    """The size up to which a rate is taken for zero [1/time], with `slow` that of `slow_rate`.
 
     A fraction of the rates of polarization, which do not grow with delta_P as those of the shape
     do, plus the rounding of the eigenvalues.
     """
-    slow = p.beta + p.D / p.R0**2 + abs(float(p.v_p(p.c0))) / p.R0
     return NEUTRAL * slow + ROUNDING * float(np.abs(rates).max())
 
 

@@ -268,10 +268,7 @@ class SteadySolution(Measured):
 
     def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
-        speed, concentration = units.of("L/T"), units.of("N/L^2")
-        scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
-        sizes = np.repeat([1.0, speed, concentration], [self.n - 1, self.n, self.n])
-        x = self.x / np.concatenate([sizes, scalars])
+        x = unknowns_in_units(self.x, self.n, units)
         return replace(self, parameters=in_units(self.parameters, units), x=x)
 
     @cached_property
@@ -337,6 +334,14 @@ class SteadySolution(Measured):
     def outline(self, count: int = 400) -> tuple[Array, Array]:
         """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""
         return self.position(np.linspace(0.0, np.pi, count))
+
+
+def unknowns_in_units(x: Array, n: int, units: Units) -> Array:
+    """Unknowns of n modes measured in other units."""
+    speed, concentration = units.of("L/T"), units.of("N/L^2")
+    scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
+    sizes = np.repeat([1.0, speed, concentration], [n - 1, n, n])
+    return x / np.concatenate([sizes, scalars])
 
 
 def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:
