@@ -14,7 +14,6 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric import lanes
 from amoeboid.axisymmetric.many import CONVERGED, REASONS, STATUSES, Found, solved
 from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
-from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
 from amoeboid.extras import needed
@@ -81,7 +80,7 @@ class ManySteadyStates:
         return SteadySolution(
             self._parameters(k),
             int(self.found.n[k]),
-            self.found.x[k],
+            self.found.unknowns(k),
             good,
             (),
             self.reason(*index),
@@ -167,8 +166,7 @@ def many_steady_states(
     checked_lengths(modes, max_modes, chunk)
     guess = None
     if start is not None:
-        count = int(np.prod(table.shape))
-        guess = start.n, np.tile(resampled(start.x, start.n, start.n), (count, 1))
+        guess = start.n, start.x
     with shown_line(SHOWN_AFTER) as show:
 
         def told(done: int, of: int) -> None:
