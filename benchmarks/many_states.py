@@ -2,11 +2,11 @@
 
 Run as `python benchmarks/many_states.py [--cells 1000 10000] [--one-by-one 20] [--agree 200]`; JAX
 uses the accelerator that it finds, or the processor. Random cells (D, v_p0, delta_P, beta) are
-computed side by side, each number of them twice: the first time with compilation. They are of two
-kinds: at any v_p0, polarized or not, and at 1.05 to 1.4 times the threshold of each, with D > 0.2.
-Some of the first kind are then searched for one by one, along the branch from the threshold, as a
-user would without JAX. `--agree` compares as many states with those that the solver for one cell
-finds from them.
+computed side by side, each number of them twice: the first time with compilation. They are of three
+kinds: near the threshold of each (1.05 to 1.1 times; D > 0.2), beyond it (1.05 to 1.4 times), and
+at any v_p0, polarized or not. Some of the last kind are then searched for one by one, along the
+branch from the threshold, as a user would without JAX. `--agree` compares as many states with those
+that the solver for one cell finds from them.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ def random_cells(count: int) -> am.points:
     )
 
 
-def polarized_cells(count: int) -> am.points:
-    """Cells of the paper's law beyond their thresholds."""
+def polarized_cells(count: int, most: float = 1.4) -> am.points:
+    """Cells of the paper's law at 1.05 to `most` times their thresholds."""
     rng = np.random.default_rng(6)
     cells = am.points(
         am.Parameters(),
@@ -50,7 +50,7 @@ def polarized_cells(count: int) -> am.points:
         delta_P=10 ** rng.uniform(1.5, 3.0, count),
         beta=rng.uniform(0.7, 1.5, count),
     )
-    return cells.at_speed(critical_speed(cells) * rng.uniform(1.05, 1.4, count))
+    return cells.at_speed(critical_speed(cells) * rng.uniform(1.05, most, count))
 
 
 def timed(task: Callable[[], Any]) -> tuple[Any, float, float]:
@@ -75,9 +75,9 @@ def side_by_side(cells: Any, name: str, chunk: int | None) -> float:
     return cpu / count
 
 
-def differences(cells: Any, count: int) -> None:
+def differences(cells: Any, count: int, chunk: int | None) -> None:
     """Print how far states are from those that Newton's method for one cell finds from them."""
-    found = am.many_steady_states(cells, progress=False)
+    found = am.many_steady_states(cells, chunk=chunk, progress=False)
     which = np.flatnonzero(found.converged)[:count]
     worst = 0.0
     for k in which:
@@ -106,10 +106,11 @@ def main() -> None:
           f"{'steps':>8}{'processor':>13}")  # fmt: skip
     many = 0.0
     for count in args.cells:
+        side_by_side(polarized_cells(count, 1.1), "near", args.chunk)
         side_by_side(polarized_cells(count), "polarized", args.chunk)
         many = side_by_side(random_cells(count), "random", args.chunk)
     if args.agree:
-        differences(random_cells(max(args.cells[0], 2 * args.agree)), args.agree)
+        differences(random_cells(max(args.cells[0], 2 * args.agree)), args.agree, args.chunk)
     if args.one_by_one:
         points = [random_cells(args.cells[-1]).parameters(k) for k in range(args.one_by_one)]
         _, cpu, wall = timed(lambda: [steady_solutions(p, degrees=(1,)) for p in points])

@@ -357,29 +357,30 @@ def _bordered(f_z: Any, f_q: Any, row: Any) -> Any:
 
 
 def _stepped(problem: Problem, at: Lane, cells: Cells) -> Lane:
-    """One Newton step in every lane, and what follows from it."""
+    """A Newton step and a chord step with its matrix in every lane, and what follows from them."""
     jnp, weights = _jnp(), _weights(problem)
     fixed = at.doing == AT_SPEED
-    row = jnp.concatenate([weights * at.z_tangent, at.q_tangent[:, None]], axis=1)
-    only_q = jnp.zeros(problem.size + 1).at[-1].set(1.0)
-    row = jnp.where(fixed[:, None], only_q, row)
-    behind = jnp.sum(weights * at.z_tangent * (at.z - at.z0), axis=1)
-    behind = behind + at.q_tangent * (at.q - at.q0) - at.step
-    behind = jnp.where(fixed, at.q - cells.target, behind)
     f, f_z = problem.residual_and_jacobian(at.z, at.q, cells)
     _, f_q = jax().jvp(lambda q: problem.residual(at.z, q, cells), (at.q,), (jnp.ones_like(at.q),))
-    right = jnp.zeros((*f.shape[:1], problem.size + 1, 2))
-    right = right.at[:, :-1, 0].set(-f).at[:, -1, 0].set(-behind).at[:, -1, 1].set(1.0)
-    solved = jnp.linalg.solve(_bordered(f_z, f_q, row), right)
+    row, behind = _condition(problem, at, cells)
+    solve = _factorized(_bordered(f_z, f_q, row))
+    ahead = jnp.zeros((*f.shape[:1], problem.size + 1)).at[:, -1].set(1.0)
+    solved = solve(jnp.stack([_joined(-f, -behind), ahead], axis=2))
     change, tangent = solved[:, :, 0], solved[:, :, 1]
     length = jnp.sqrt(jnp.mean(change**2, axis=1))
-    size = jnp.sqrt(jnp.mean(f**2, axis=1))
     good = jnp.isfinite(length) & (length < LONG)
     good &= (at.count < MAX_NEWTON) & ((at.count < 2) | (length < 2 * at.last))
     moved = at._replace(
         z=at.z + change[:, :-1], q=at.q + change[:, -1], count=at.count + 1, last=length
     )
-    arrived = good & (length <= jnp.where(fixed, CLOSE, NEAR)) & (~fixed | (size <= SMALL))
+    f = problem.residual(moved.z, moved.q, cells)
+    chord = solve(_joined(-f, -_condition(problem, moved, cells)[1])[:, :, None])[:, :, 0]
+    left = jnp.sqrt(jnp.mean(chord**2, axis=1))
+    nearer = left < length  # not where Newton's method is still far away
+    chord = jnp.where(nearer[:, None], chord, 0.0)
+    moved = moved._replace(z=moved.z + chord[:, :-1], q=moved.q + chord[:, -1])
+    small = nearer & (left <= jnp.where(fixed, CLOSE, NEAR))
+    arrived = good & small & (~fixed | (jnp.sqrt(jnp.mean(f**2, axis=1)) <= SMALL))
     norm = jnp.sqrt(jnp.sum(weights * tangent[:, :-1] ** 2, axis=1) + tangent[:, -1] ** 2)
     tangent = tangent / norm[:, None]
     done = _where(arrived & fixed, _ended(problem, moved, tangent), moved)
@@ -390,6 +391,38 @@ def _stepped(problem: Problem, at: Lane, cells: Cells) -> Lane:
     late = (done.total >= MAX_STEPS) & (done.doing < FOUND)
     done = done._replace(doing=jnp.where(late, STALLED, done.doing))
     return _where(at.doing >= FOUND, at, done)
+
+
+def _condition(problem: Problem, at: Lane, cells: Cells) -> tuple[Any, Any]:
+    """The last equation: that of the arc from the last point, or the v_p0 asked for.
+
+    Its derivatives (lanes, unknowns + 1) and its residual (lanes,).
+    """
+    jnp, weights = _jnp(), _weights(problem)
+    fixed = at.doing == AT_SPEED
+    row = _joined(weights * at.z_tangent, at.q_tangent)
+    only_q = jnp.zeros(problem.size + 1).at[-1].set(1.0)
+    behind = jnp.sum(weights * at.z_tangent * (at.z - at.z0), axis=1)
+    behind = behind + at.q_tangent * (at.q - at.q0) - at.step
+    return jnp.where(fixed[:, None], only_q, row), jnp.where(fixed, at.q - cells.target, behind)
+
+
+def _joined(z: Any, q: Any) -> Any:
+    return _jnp().concatenate([z, q[:, None]], axis=1)
+
+
+def _factorized(matrix: Any) -> Callable[[Any], Any]:
+    """The solution of linear systems (lanes, size, columns) with these matrices."""
+    jnp, linear = _jnp(), jax().lax.linalg
+    factors, _, order = linear.lu(matrix)
+
+    def solve(right: Any) -> Any:
+        right = jnp.take_along_axis(right, order[:, :, None], axis=1)
+        lower = {"left_side": True, "lower": True, "unit_diagonal": True}
+        right = linear.triangular_solve(factors, right, **lower)
+        return linear.triangular_solve(factors, right, left_side=True, lower=False)
+
+    return solve
 
 
 def _where(condition: Any, a: Lane, b: Lane) -> Lane:

@@ -70,40 +70,37 @@ class ManySteadyStates:
 
     def reason(self, *index: int) -> str:
         """Why there is no state at the point `index`, in words; empty where there is one."""
-        k = self._number(index)
-        return REASONS[self.found.status[k]].format(modes=self.found.n[k])
+        return self._reason(self._number(index))
 
     def state(self, *index: int) -> SteadySolution:
         """The state of the point `index`, as the axisymmetric solver gives it; see `converged`."""
-        k = self._number(index)
-        good = bool(self.found.status[k] == CONVERGED)
-        return SteadySolution(
-            self._parameters(k),
-            int(self.found.n[k]),
-            self.found.unknowns(k),
-            good,
-            (),
-            self.reason(*index),
-        )
+        return self._state(self._number(index))
 
     def states(self) -> list[SteadySolution]:
         """The states of all points, one after the other."""
-        return [self.state(*index) for index in np.ndindex(self.shape)]
+        return [self._state(k) for k in range(self.found.n.size)]
 
     def __getitem__(self, name: str) -> Array:
         """An observable at every point, NaN where there is no state. Raises InvalidInput."""
-        refuse_unknown([name], OBSERVABLES, "observable")
-        if name not in self._known:
-            values = np.full(self.shape, np.nan)
-            for index in zip(*np.nonzero(self.converged), strict=True):
-                values[index] = getattr(self.state(*index), name)
-            self._known[name] = values
+        self._measure(name)
         return self._known[name]
+
+    def _measure(self, *names: str) -> None:
+        """Evaluate these observables, each once, of all states."""
+        refuse_unknown(names, OBSERVABLES, "observable")
+        new = [name for name in names if name not in self._known]
+        values = {name: np.full(self.found.n.size, np.nan) for name in new}
+        for k in np.flatnonzero(self.found.status == CONVERGED) if new else ():
+            state = self._state(int(k))
+            for name in new:
+                values[name][k] = getattr(state, name)
+        self._known.update({name: column.reshape(self.shape) for name, column in values.items()})
 
     def to_xarray(self, *names: str) -> Any:
         """An xarray.Dataset of status, modes, parameters and the observables `names`, or four."""
         xarray = needed("xarray", TABLE)
         names = names or ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
+        self._measure(*names)
         axes = tuple(f"point_{k}" for k in range(len(self.shape)))
         columns = self.points.columns()
         varying = {k: v for k, v in columns.items() if np.ndim(v) and np.size(v) > 1}
@@ -117,8 +114,13 @@ class ManySteadyStates:
     def _number(self, index: tuple[int, ...]) -> int:
         return int(np.ravel_multi_index(index, self.shape)) if self.shape else 0
 
-    def _parameters(self, k: int) -> Parameters:
-        return self.points.parameters(k)
+    def _state(self, k: int) -> SteadySolution:
+        good = bool(self.found.status[k] == CONVERGED)
+        x, n = self.found.unknowns(k), int(self.found.n[k])
+        return SteadySolution(self.points.parameters(k), n, x, good, (), self._reason(k))
+
+    def _reason(self, k: int) -> str:
+        return REASONS[self.found.status[k]].format(modes=self.found.n[k])
 
     @cached_property
     def _known(self) -> dict[str, Array]:
