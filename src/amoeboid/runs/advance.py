@@ -8,10 +8,10 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from amoeboid.config import Time
 from amoeboid.output.folder import RunFolder
 from amoeboid.runs.progress import Report, unreported
 from amoeboid.runs.snapshot import Snapshot
+from amoeboid.sections import Time
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import Event
 from amoeboid.simulation.loop import evolve

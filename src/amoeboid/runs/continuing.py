@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from amoeboid.config import Config, Time, shortest_step
+from amoeboid.config import Config, shortest_step
+from amoeboid.sections import Time
 from amoeboid.simulation.events import Event, declared, events_of, reason
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.config import SHORTEST_STEP, Time
+from amoeboid.config import SHORTEST_STEP
 from amoeboid.numerics.sparse import SingularMatrix
+from amoeboid.sections import Time
 from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
 from amoeboid.simulation.finish import solved_for
 from amoeboid.simulation.step import Step
