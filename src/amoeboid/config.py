@@ -3,32 +3,31 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path, PurePath
 from typing import Any
 
+from amoeboid.assignments import MEDIUM, SECTIONS, assignments
 from amoeboid.conditions import refuse_unknown_parameters
 from amoeboid.display import short_repr
-from amoeboid.model.changes import CHANGEABLE, Changes
+from amoeboid.model.changes import Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
 from amoeboid.model.parameters import (
-    PARAMETER_NAMES,
     RELATIONS,
     Parameters,
     refuse_unwritable_relations,
 )
+from amoeboid.model.units import Units
 from amoeboid.motility.environments import CortexDrag, Environment
 from amoeboid.motility.words import environment, written
+from amoeboid.quantities import in_numbers
 from amoeboid.sections import Initial, Mesh, Noise, Output, Time, checked_noise
 from amoeboid.toml import toml_text
 from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
-POINT_AT_AN_END = re.compile(r"[+-]?(?:\d+\.|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 # The step of the explicit scheme in the paper, in units of 1/rate.
 EXPLICIT_STEP = 1e-5
 # Shortest steps that are made, in units of 1/rate. In explicit ones what they put right of the
@@ -40,8 +39,6 @@ NOISY_STEP = 0.05
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper, in units of
 # c0; the front is empty then. Laws that are not defined there start from less.
 POLARIZATION, POLARIZATION_WITHOUT_EMPTY_FRONT = 1.0, 0.2
-# The field of [environment]: the text of one, such as "patch:30".
-MEDIUM = "medium"
 # Fields of [initial] that name a file.
 FILES = ("surface", "from_frame")
 
@@ -107,18 +104,6 @@ class Config:
         if name == "environment":
             return {MEDIUM: written(values)}
         return written_cue(values) if name == "cue" else asdict(values)
-
-
-SECTIONS: dict[str, tuple[str, ...]] = {
-    "parameters": PARAMETER_NAMES,
-    **{
-        section.__name__.lower(): tuple(f.name for f in fields(section))
-        for section in (Mesh, Initial, Time, Output, Noise)
-    },
-    "changes": CHANGEABLE,
-    "cue": tuple(f.name for f in fields(Cue)),
-    "environment": (MEDIUM,),
-}
 
 
 def resolved(config: Config) -> Config:
@@ -224,16 +209,30 @@ def _inside(name: str, folder: Path, path: str) -> Path:
     return folder / path
 
 
-def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
-    """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
+def configured(
+    base: Config, changes: Mapping[str, Mapping[str, Any]], plain: bool = True
+) -> Config:
+    """`base` with {section: {name: value}} changed; unknown sections and names are refused.
+
+    For a cell with units values may be quantities such as "15 min". Numbers without a unit are in
+    the units of the cell if `plain`, and refused otherwise. Raises InvalidInput.
+    """
     sections: dict[str, Any] = {}
-    for section, values in changes.items():
+    p = base.parameters
+    # the parameters first: their units are those of the rest
+    for section in sorted(changes, key=lambda name: name != "parameters"):
+        values = changes[section]
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
         if section not in ("parameters", "changes"):  # which know their names themselves
             refuse_unknown(values, SECTIONS[section], "field", f"in [{section}]")
-        sections[section] = _changed(getattr(base, section), section, values)
+        if section == "environment":
+            sections[section] = _medium(values.get(MEDIUM), p, plain)
+            continue
+        numbers = in_numbers(section, values, p, plain)
+        sections[section] = _changed(getattr(base, section), section, numbers)
+        p = sections.get("parameters", p)
     return replace(base, **sections)
 
 
@@ -242,8 +241,6 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
         return Changes({**before, **values})
     if isinstance(before, Parameters):
         return before.replace(**values)
-    if section == "environment":
-        return _medium(values.get(MEDIUM))
     if section == "cue" and not isinstance(before, Cue):
         raise InvalidInput(
             f"[cue] changes the fields of a Cue, got {type(before).__name__}; leave it out"
@@ -251,52 +248,91 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
     return replace(before, **values)
 
 
-def _medium(text: Any) -> Environment:
+def _medium(text: Any, p: Parameters, plain: bool) -> Environment:
     if not isinstance(text, str):
         raise InvalidInput(
             f"environment.{MEDIUM} must be a text such as 'fluid' or 'patch:30', got {text!r}"
         )
     found = environment(text)
-    found.settled(None)  # refuses quantities, which a configuration has no units for
+    # refuses quantities for a cell without units, and numbers for one with units unless `plain`
+    _ = found.settled(p.units) if plain else found.of(p.units)
     return found
+
+
+def config_of(
+    document: Mapping[str, Any],
+    settings: Iterable[str] = (),
+    physical: bool = False,
+    folder: Path | None = None,
+) -> Config:
+    """The configuration of the tables of a file, changed by `settings`.
+
+    With `physical`, or `physical = true` in the file, values have units, and what is left out is
+    as in the paper's cell. A table [units] tells the size of the units of plain numbers, in SI; a
+    run writes it. `folder`: that of the file, from which the paths in it lead. For `settings` see
+    `with_settings`. Raises InvalidInput.
+    """
+    given, changes = dict(document), assignments(settings)
+    physical = _is_physical(given.pop("physical", physical), physical)
+    units = _units(given.pop("units", None), physical)
+    if physical:
+        own = _together(given.pop("parameters", {}), changes.pop("parameters", {}))
+        base = Config(parameters=Parameters.physical(**own))
+    else:
+        base = Config(parameters=replace(figure_3d(), units=units))
+    config = configured(base, given, plain=not physical)
+    if folder is not None:
+        config = anchored(config, folder)
+    return configured(config, changes, plain=base.parameters.units is None)
+
+
+def _is_physical(stated: Any, asked: bool) -> bool:
+    """Whether values have units, by the file and by the command. Raises InvalidInput."""
+    if not isinstance(stated, bool):
+        raise InvalidInput(f"physical must be true or false, got {stated!r:.100}")
+    if asked and not stated:
+        raise InvalidInput(
+            "--physical and `physical = false` in the file contradict each other; leave one out"
+        )
+    return stated
+
+
+def _units(given: Any, physical: bool) -> Units | None:
+    """The sizes of the units of plain numbers that a file states. Raises InvalidInput."""
+    if given is None:
+        return None
+    names = tuple(f.name for f in fields(Units))
+    known = isinstance(given, Mapping) and set(given) == set(names)
+    if not known or not all(isinstance(x, float) and 0 < x < math.inf for x in given.values()):
+        raise InvalidInput(
+            f"[units] must have {', '.join(names)}, each a number > 0 with a point, got "
+            f"{given!r:.200}; a run writes this table, for your own values use physical = true"
+        )
+    if physical:
+        raise InvalidInput(
+            "a file must have either [units], for plain numbers, or physical = true, got both; "
+            "leave one out"
+        )
+    return Units(**given)
+
+
+def _together(file: Any, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of a file and of settings; a law or stress that is set replaces the file's."""
+    if not isinstance(file, Mapping):
+        raise InvalidInput(f"[parameters] must be a section of names and values, got {file!r}")
+    replaced = tuple(f"{kind}." for kind in RELATIONS if kind in settings)
+    kept = {k: v for k, v in file.items() if not (replaced and k.startswith(replaced))}
+    return {**kept, **settings}
 
 
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
     `law.n=3` and `stress.k=0.3` are parameters of law and stress, in any order. Values are
-    written as in TOML; a bare word is a string. Raises InvalidInput.
+    written as in TOML; a bare word is a string. For a cell with units they have units. Raises
+    InvalidInput.
     """
-    changes: dict[str, dict[str, Any]] = {}
-    for setting in settings:
-        path, equals, text = setting.partition("=")
-        path = path.strip()
-        if not equals or not path or not text.strip():
-            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        section, dot, name = path.partition(".")
-        if dot and not (section and name):
-            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        if section in RELATIONS:
-            section, name = "parameters", path
-        elif not dot:
-            section, name = "parameters", path
-            refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
-        value = text.strip() if name in RELATIONS else _value(text.strip())
-        changes.setdefault(section, {})[name] = value
-    return configured(base, changes)
-
-
-def _value(text: str) -> Any:
-    try:
-        document = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        # .5 and 5. are numbers too, though not in TOML
-        return float(text) if POINT_AT_AN_END.fullmatch(text) else text
-    return document["value"] if document.keys() == {"value"} else text
-
-
-def _dotted_names() -> list[str]:
-    return [f"{s}.{n}" for s, names in SECTIONS.items() if s != "parameters" for n in names]
+    return configured(base, assignments(settings), plain=base.parameters.units is None)
 
 
 def config_to_toml(config: Config) -> str:
@@ -304,16 +340,19 @@ def config_to_toml(config: Config) -> str:
 
     Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
-    document = {
+    document: dict[str, Any] = {
         section: {k: v for k, v in config.section(section).items() if v is not None}
         for section in SECTIONS
     }
-    return toml_text(document)
+    units = config.parameters.units
+    return toml_text(({} if units is None else {"units": asdict(units)}) | document)
 
 
 def config_from_toml(text: str, name: str = "the configuration") -> Config:
     """A configuration from TOML text; what it leaves out keeps the default run's value.
 
-    Raises InvalidInput; if the text is not TOML at all, under `name`.
+    With `physical = true` at its head values have units, such as R0 = "8 um" and end = "15 min",
+    and what it leaves out is as in the paper's cell. Raises InvalidInput; if the text is not TOML
+    at all, under `name`.
     """
-    return configured(Config(), toml_document(text, name))
+    return config_of(toml_document(text, name))

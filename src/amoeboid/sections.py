@@ -60,7 +60,7 @@ class Initial:
         (0.0, 0.0, 1.0), "axis of the initial polarization, towards the rear"
     )
     harmonics: tuple[tuple[int, int, float], ...] = harmonics(
-        "real spherical harmonics added to c, polar axis z; [1, 0, a] is a cos(theta)"
+        "real spherical harmonics added to c, polar axis z; [1, 0, a] is a cos(theta)", "N/L^2"
     )
     noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
     seed: int = integer(0, "seed of initial.noise", ge=0, le=2**63 - 1)

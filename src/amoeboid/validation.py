@@ -39,9 +39,9 @@ def file(doc: str) -> Any:
     return field(default=None, metadata={"kind": str, "doc": doc, "file": True})
 
 
-def harmonics(doc: str) -> Any:
-    """A field of spherical harmonics: any number of (degree l, order m, amplitude)."""
-    return field(default=(), metadata={"kind": list, "doc": doc})
+def harmonics(doc: str, unit: str = "1") -> Any:
+    """A field of spherical harmonics: any number of (degree l, order m, amplitude [unit])."""
+    return field(default=(), metadata={"kind": list, "doc": doc, "row_units": ("1", "1", unit)})
 
 
 def texts(doc: str, checked: Callable[[str], str]) -> Any:
@@ -49,12 +49,19 @@ def texts(doc: str, checked: Callable[[str], str]) -> Any:
     return field(default=(), metadata={"kind": list, "doc": doc, "texts": checked})
 
 
-def rows(doc: str, words: str, checked: Callable[[Any], tuple[tuple[float, ...], ...]]) -> Any:
+def rows(
+    doc: str,
+    words: str,
+    checked: Callable[[Any], tuple[tuple[float, ...], ...]],
+    units: tuple[str, ...],
+) -> Any:
     """A field of rows of numbers, which `words` describe; `checked` gives them as they are kept.
 
-    It raises TypeError, ValueError or OverflowError for what is none.
+    `units` are the dimensions of the numbers of a row. `checked` raises TypeError, ValueError or
+    OverflowError for what is none.
     """
-    return field(default=(), metadata={"kind": list, "doc": doc, "words": words, "rows": checked})
+    about = {"kind": list, "doc": doc, "words": words, "rows": checked, "row_units": units}
+    return field(default=(), metadata=about)
 
 
 def numbers(doc: str, unit: str = "1") -> Any:
@@ -193,7 +200,10 @@ def _remedy(value: Any) -> str:
     if DECIMAL_COMMA.fullmatch(str(value)):
         return "; write a decimal point"
     if isinstance(value, str) and WITH_UNIT.match(value):
-        return "; values with units are for Parameters.physical, and for commands with --physical"
+        return (
+            "; values with units need a cell with units: --physical on the command line, "
+            "physical = true at the head of a file, Parameters.physical in Python"
+        )
     return ""
 
 
