@@ -142,6 +142,13 @@ def customary_unit(dimension: str) -> str:
     return f"{unit}/{below[0]}" if below else unit
 
 
+@cache
+def customary_power(dimension: str) -> int:
+    """The power of ten of SI base units that `customary_unit` is: -6 for a length, in um."""
+    unit = _registry().parse_units(customary_unit(dimension))
+    return round(math.log10(float((1.0 * unit).to(_base_unit(dimension)).magnitude)))
+
+
 def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:
     """A simulation value of a dimension such as "L/T" as a number of physical `unit`s."""
     registry = _registry()
