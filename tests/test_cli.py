@@ -378,7 +378,7 @@ def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
 
 def test_an_interrupted_run_says_once_when_it_stopped(tmp_path, monkeypatch, capsys):
     @contextmanager
-    def stopping(start, end):
+    def stopping(*_):
         presses = iter([signal.SIGINT])  # a second one would end it at once
         yield lambda row: [os.kill(os.getpid(), press) for press in presses]
 

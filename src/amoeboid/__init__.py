@@ -27,15 +27,13 @@ if TYPE_CHECKING:
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
     from amoeboid.motility.cells import MeasuredCell
+    from amoeboid.motility.contacts import Channel, Patch, Plates
     from amoeboid.motility.environments import (
-        Channel,
         CortexDrag,
         Environment,
         Fluid,
         Matrix,
         Mixed,
-        Patch,
-        Plates,
     )
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum

@@ -53,8 +53,9 @@ def holds(text: str, cell: Cell, t: float) -> bool:
     try:
         return bool(_value(_tree(text), cell, t))
     except ArithmeticError as error:
+        shown = cell.parameters.quantity(t, "T")
         raise InvalidInput(
-            f"the condition {text!r} must have a value at t = {t:g}: {error}"
+            f"the condition {text!r} must have a value at t = {shown:g}: {error}"
         ) from None
 
 

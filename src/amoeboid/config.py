@@ -171,13 +171,14 @@ def shortest_step(config: Config) -> float:
 
 
 def _check_times(config: Config) -> None:
-    shortest = shortest_step(config)
+    shortest, p = shortest_step(config), config.parameters
     times = {f"time.{name}": getattr(config.time, name) for name in ("end", "max_step")}
     for name, value in (times | {"output.interval": config.output.interval}).items():
         if not value > shortest:
             raise InvalidInput(
-                f"{name} must be > {shortest:g}, the shortest {config.time.scheme} step, got "
-                f"{value:g}; raise it or leave it out"
+                f"{name} must be > {p.quantity(shortest, 'T'):g}, the shortest "
+                f"{config.time.scheme} step, got {p.quantity(value, 'T'):g}; raise it "
+                "or leave it out"
             )
 
 

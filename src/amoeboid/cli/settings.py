@@ -82,6 +82,11 @@ def number_or_quantity(text: str) -> float | str:
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """The same for a command that uses parameters alone, and `--physical`."""
     add_settings(parser, "")
+    add_physical(parser)
+
+
+def add_physical(parser: argparse.ArgumentParser) -> None:
+    """Declare --physical."""
     parser.add_argument(
         "--physical",
         action="store_true",

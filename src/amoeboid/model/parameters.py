@@ -110,7 +110,9 @@ class Parameters(Material):
         given = {**PAPER_CELL, **quantities}
         plain, own = _split(given)
         relations: dict[str, Any] = {kind: plain.pop(kind) for kind in RELATIONS}
-        si = {name: number_in(SI, value, DIMENSIONS[name], name) for name, value in plain.items()}
+        si: dict[str, Any] = {
+            name: number_in(SI, value, DIMENSIONS[name], name) for name, value in plain.items()
+        }
         cls(**si)  # refuses values out of range in the user's own numbers
         units = own_units(si)
         values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}

@@ -174,8 +174,8 @@ class Matrix(Environment):
     the mean over the surface, and in proportion to c.
     """
 
-    tangential: Any = None
-    normal: Any = None
+    tangential: Any = field(default=None, metadata=dimensional(FRICTION, SOFT))
+    normal: Any = field(default=None, metadata=dimensional(FRICTION, SOFT))
     per_filament: bool = False
     name: ClassVar[str] = "matrix"
 

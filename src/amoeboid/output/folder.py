@@ -27,8 +27,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from amoeboid.assignments import SECTIONS
 from amoeboid.config import (
-    SECTIONS,
     Config,
     anchored,
     config_from_toml,

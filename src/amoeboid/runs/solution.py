@@ -231,7 +231,7 @@ def _solved(
     time = resolved(config).time
     with (
         interruptible_from_python() as interruption,
-        wanted(progress, first.state.t, time.end) as report,
+        wanted(progress, first.state.t, time.end, config.parameters) as report,
     ):
         events = [*events, interruption]
         if isinstance(into, RunFolder):

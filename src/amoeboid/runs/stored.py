@@ -193,7 +193,7 @@ class StoredRun(Run):
         run.begin()
         with (
             interruptible_from_python() as interruption,
-            wanted(progress, first.state.t, run.config.time.end) as report,
+            wanted(progress, first.state.t, run.config.time.end, config.parameters) as report,
         ):
             outcome, _ = advance_in_folder(run, first, [*events, interruption], report)
         if outcome.status == INTERRUPTED:

@@ -13,9 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from amoeboid.assignments import SECTIONS
 from amoeboid.axisymmetric.lanes import jax
 from amoeboid.axisymmetric.steady import MODES
-from amoeboid.config import SECTIONS, Config, anchored, configured
+from amoeboid.config import Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.motility.words import environment
 from amoeboid.runs.branches import branch
