@@ -44,7 +44,8 @@ def assignments(settings: Iterable[str]) -> dict[str, dict[str, Any]]:
             section, name = "parameters", path
         elif not dot:
             section, name = "parameters", path
-            refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
+            known = (*PARAMETER_NAMES, *_dotted_names())
+            refuse_unknown([name], known, "parameter or field", source="amoeboid run --help")
         value = text.strip() if name in RELATIONS else _value(text.strip())
         changes.setdefault(section, {})[name] = value
     return changes

@@ -17,6 +17,9 @@ class InvalidInput(ValueError):
     """What the user gave breaks a rule; the message names the rule, the value and the remedy."""
 
 
+MAX_LISTED = 20
+"""Known names that a message lists."""
+
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 WITH_UNIT = re.compile(r"[+-]?\d[\d.]*(?:[eE][+-]?\d+)? ?[A-Za-z\u00b5\u03bc*/]")
 
@@ -121,21 +124,26 @@ def validate(instance: Any, section: str = "") -> None:
             object.__setattr__(instance, f.name, checked)
 
 
-def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str, where: str = "") -> None:
+def refuse_unknown(
+    names: Iterable[str], known: Iterable[str], noun: str, where: str = "", source: str = ""
+) -> None:
     """Raise InvalidInput for the first name that is not known, with the nearest known one.
 
     The nearest is one that differs only in the case of letters, or else the most similar one.
-    `where` follows the name in the message: "of the law 'inverse'".
+    `where` follows the name in the message: "of the law 'inverse'". Of many known names the first
+    are listed; `source` tells what lists all, such as "amoeboid run --help".
     """
     known = list(known)
     for name in names:
         if name not in known:
             same = [one for one in known if one.lower() == name.lower()]
             close = same or get_close_matches(name, known, n=1)
-            hint = f"; did you mean {close[0]}?" if close else ""
+            hint = f" did you mean {close[0]}?" if close else ""
             place = f" {where}" if where else ""
-            allowed = ", ".join(known)
-            raise InvalidInput(f"unknown {noun} {name!r}{place}; allowed: {allowed}{hint}")
+            listed, more = known[:MAX_LISTED], len(known) - MAX_LISTED
+            rest = f" and {more} more{f', see {source}' if source else ''}" if more > 0 else ""
+            allowed = ", ".join(listed)
+            raise InvalidInput(f"unknown {noun} {name!r}{place};{hint} allowed: {allowed}{rest}")
 
 
 def is_text(value: str) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.documents import text_for
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn_together
@@ -24,6 +25,7 @@ from amoeboid.cli.settings import (
 from amoeboid.cli.tables import number, table, width
 from amoeboid.config import Config, config_of, with_settings
 from amoeboid.extras import check
+from amoeboid.sections import Mesh
 from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
 if TYPE_CHECKING:
@@ -148,19 +150,18 @@ def _change(run: RunFolder, summary: dict[str, Any], why: str, t: float) -> str:
 
 
 def _started(args: argparse.Namespace) -> tuple[RunFolder, Step]:
-    from amoeboid.output.atomic import text_of
     from amoeboid.output.folder import new_folder, new_run
     from amoeboid.simulation.loop import start
 
     document, folder = {}, None
     if args.config is not None:
-        name, folder = repr(str(args.config)), args.config.parent
-        document = toml_document(text_of(args.config), name)
+        text, folder = text_for(args.config, "run"), args.config.parent
+        document = toml_document(text, repr(str(args.config)))
     config = config_of(document, args.settings, args.physical, folder)
     config = _until(config, args.until)
     first = start(config)
     run = new_run(new_folder(args.output), config, first.adapted)
-    _tell_adaptation(first, args.json)
+    _tell_adaptation(config, first, args.json)
     return run, first
 
 
@@ -169,10 +170,17 @@ def _until(config: Config, conditions: Sequence[str]) -> Config:
     return replace(config, time=replace(config.time, until=until))
 
 
-def _tell_adaptation(first: Step, as_json: bool) -> None:
-    """What was done to a shape from a file; that it was scaled stands in the JSON object."""
+def _tell_adaptation(config: Config, first: Step, as_json: bool) -> None:
+    """What was done to a shape from a file; that it was scaled stands in the JSON object.
+
+    With the number of nodes, which `mesh.subdivisions` decides only for a repaired surface.
+    """
     if first.adapted is None:
         return
+    in_vain = config.mesh != Mesh()
+    if not config.initial.repair and (in_vain or not as_json):
+        why = "; mesh.subdivisions has no effect without initial.repair=true" if in_vain else ""
+        tell("run", f"initial shape: {len(first.state.r)} nodes, those of the file{why}")
     scaling = None if as_json else first.adapted.scaling
     for text in (*first.adapted.repairs, *([scaling] if scaling else [])):
         tell("run", f"initial shape: {text}")

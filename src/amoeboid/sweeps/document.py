@@ -207,7 +207,8 @@ def _branch(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
 def _simulate(base: Parameters, given: Mapping[str, Any], folder: Path) -> Made:
     sections = [name for name in SECTIONS if name != "parameters"]
     refuse_unknown(given, ("name", *sections), "key", "in [solver] simulate")
-    return simulate, anchored(configured(Config(parameters=base), given), folder)
+    config = configured(Config(parameters=base), given, plain=base.units is None)
+    return simulate, anchored(config, folder)
 
 
 def _motility(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
