@@ -385,7 +385,9 @@ def test_an_interrupted_run_says_once_when_it_stopped(tmp_path, monkeypatch, cap
     monkeypatch.setattr("amoeboid.runs.progress.reported", stopping)
     words = ["--set", "mesh.subdivisions=1", "-o", str(tmp_path / "run")]
     assert main(["run", *words]) == 130
-    last = [line for line in capsys.readouterr().out.splitlines() if " steps, " in line]
+    out, err = capsys.readouterr()
+    assert f"amoeboid run: to continue: amoeboid run --resume {tmp_path / 'run'}\n" in err
+    last = [line for line in out.splitlines() if " steps, " in line]
     assert len(last) == 1
     assert re.fullmatch(r"interrupted at t = \S+, \d+ steps, \S+ s", last[0])
 
