@@ -262,3 +262,38 @@ def test_a_sweep_of_runs_takes_times_with_units(tmp_path, capsys):
     (tmp_path / "t.toml").write_text(toml_text(document))
     assert main(["sweep", str(tmp_path / "t.toml")]) == 2
     assert "time.end must be a number with a unit" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("condition", "message"),
+    [
+        ("t > 300", "with t and 300; for a cell with units write a quantity in quotes"),
+        ("t > '5 um'", "must have one dimension"),
+        ("c_front + t > c0", "with c_front and t"),
+        ("zeta0**2 > zeta0", "with zeta0 ** 2 and zeta0"),
+        ("not t > 3 and polarity > 0.5", "with t and 3"),
+        ("t > '5 parrots'", "its unit is unknown"),
+        ("t > '5 K'", "must be a quantity of length, time and mass"),
+        ("t > '3'", "with t and '3'"),
+    ],
+)
+def test_a_condition_on_a_cell_with_units_compares_one_dimension(condition, message):
+    with pytest.raises(InvalidInput, match=re.escape(message)):
+        am.Config(parameters=am.Parameters.physical(), time=am.Time(until=(condition,)))
+
+
+@pytest.mark.parametrize(
+    "condition",
+    ["t > '1.5 s'", "t*beta > 0.15", "t/'1 s' > 1.5", "zeta0/(delta_P*R0) > 0.3 and t > '1.5 s'"],
+)
+def test_a_condition_with_units_ends_a_run_at_its_time(condition):
+    sol = am.simulate(
+        am.Parameters.physical(), mesh=am.Icosphere(1), until=[am.when(condition), am.time("3 s")]
+    )
+    assert sol.ended == am.when(condition).condition
+    assert sol.t[-2].to("s").magnitude <= 1.5 < sol.t[-1].to("s").magnitude
+
+
+def test_a_quantity_in_a_condition_needs_a_cell_with_units():
+    with pytest.raises(InvalidInput, match="on a cell without units must have plain numbers"):
+        am.Config(time=am.Time(until=("t > '5 min'",)))

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from amoeboid.assignments import MEDIUM, SECTIONS, assignments
-from amoeboid.conditions import refuse_unknown_parameters
+from amoeboid.conditions import check_condition
 from amoeboid.display import short_repr
 from amoeboid.model.changes import Changes
 from amoeboid.model.cues import Cue, written_cue
@@ -80,7 +80,7 @@ class Config:
                 f"'patch:30', got {self.environment!r}"
             )
         for text in self.time.until:
-            refuse_unknown_parameters(text, self.parameters)
+            check_condition(text, self.parameters)
         checked_noise(self.noise)
         if self.cue is None:
             object.__setattr__(self, "cue", Cue())
