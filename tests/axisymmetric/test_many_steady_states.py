@@ -1,6 +1,7 @@
 """States of many cells side by side; JAX is an optional package."""
 
 import pickle
+from contextlib import contextmanager
 from dataclasses import replace
 
 import numpy as np
@@ -207,3 +208,17 @@ def test_a_law_of_the_user_and_friction_side_by_side_as_one_at_a_time():
 def test_cells_with_and_without_friction_are_refused_together():
     with pytest.raises(am.InvalidInput, match="must have friction"):
         am.many_steady_states(am.points(am.Parameters(), gamma_t=[0.0, 0.1]), progress=False)
+
+
+def test_observables_of_many_states_show_progress(few, monkeypatch):
+    """They take longer than the states on an accelerator."""
+    shown = []
+
+    @contextmanager
+    def at_once(after):
+        yield lambda parts: shown.append(parts[0])
+
+    monkeypatch.setattr("amoeboid.studies.many.shown_line", at_once)
+    few.__dict__.pop("_known", None)
+    few["reduced_volume"]
+    assert shown == ["reduced_volume: 0 of 3 states"]

@@ -32,6 +32,8 @@ BATCH = 1000
 AT_REST, POLARIZED = "sphere", "polarized"
 SHOWN_AFTER = 2.0
 """Seconds before progress is shown."""
+TOLD_EVERY = 100
+"""States between two reports of the progress of an observable."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,10 +92,14 @@ class ManySteadyStates:
         refuse_unknown(names, OBSERVABLES, "observable")
         new = [name for name in names if name not in self._known]
         values = {name: np.full(self.found.n.size, np.nan) for name in new}
-        for k in np.flatnonzero(self.found.status == CONVERGED) if new else ():
-            state = self._state(int(k))
-            for name in new:
-                values[name][k] = getattr(state, name)
+        cells = np.flatnonzero(self.found.status == CONVERGED) if new else np.zeros(0, dtype=int)
+        with shown_line(SHOWN_AFTER) as show:
+            for done, k in enumerate(cells.tolist()):
+                if show is not None and done % TOLD_EVERY == 0:
+                    show((f"{', '.join(new)}: {done} of {cells.size} states",))
+                state = self._state(k)
+                for name in new:
+                    values[name][k] = getattr(state, name)
         self._known.update({name: column.reshape(self.shape) for name, column in values.items()})
 
     def to_xarray(self, *names: str) -> Any:
