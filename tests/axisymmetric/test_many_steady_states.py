@@ -37,10 +37,13 @@ def with_as_many_modes(state, other):
 
 @pytest.fixture(scope="module")
 def few():
-    """A subcritical and a supercritical cell, one at rest, one below its fold, one next to it."""
+    """A subcritical and a supercritical cell, one at rest, one below its fold, one next to it.
+
+    More cells than lanes: each lane takes the next cell when it is done.
+    """
     return am.many_steady_states(
         am.points(am.Parameters(), D=[0.4, 0.4, 0.4, 0.4, 0.1], v_p0=[6.1, 4.0, 5.2, 5.2097, 5.0]),
-        progress=False, max_modes=32,
+        progress=False, max_modes=32, chunk=2,
     )  # fmt: skip
 
 
@@ -53,9 +56,9 @@ def test_states_side_by_side_are_those_of_one_at_a_time(few):
         assert few["c_rear"][k] == pytest.approx(other.c_rear, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_states_do_not_depend_on_the_number_of_lanes(few):
-    """More cells than lanes: each lane takes the next cell when it is done."""
-    other = am.many_steady_states(few.points, progress=False, max_modes=32, chunk=2)
+    other = am.many_steady_states(few.points, progress=False, max_modes=32)
     assert other.status.tolist() == few.status.tolist()
     for name in ("c_rear", "max_retrograde_speed", "zeta0"):
         np.testing.assert_allclose(other[name], few[name], rtol=1e-10)
