@@ -43,7 +43,7 @@ from amoeboid.validation import InvalidInput
 MAX_GROWING = 100
 """The highest degree up to which growing modes of the sphere are counted."""
 
-MAX_TOGETHER = 16
+MAX_TOGETHER = 32
 """States that go through one call together: more gain nothing and need more memory."""
 
 

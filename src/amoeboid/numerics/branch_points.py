@@ -19,10 +19,10 @@ from amoeboid.validation import InvalidInput
 
 COMPLEX_STEP = 1e-40
 
-NEAR_TANGENT, MAX_REFINEMENTS = 1e-6, 4
-"""Relative change of a tangent by a refinement after which the next would change only rounding.
+TANGENT_LEFT, MAX_REFINEMENTS = 1e-10, 4
+"""Relative error of a tangent that refinement may leave, and how many refinements are tried.
 
-And how many are tried before the Jacobian at the point itself is made.
+After those the Jacobian at the point itself is made.
 """
 
 
@@ -215,10 +215,10 @@ def _refined_tangent(point: Point, row: Array, near: Factor) -> Array | None:
         correction = near.solve(right - _full(along, row @ tangent))
         tangent = tangent + correction
         before, change = change, float(np.linalg.norm(correction) / np.linalg.norm(tangent))
-        if change <= NEAR_TANGENT:
+        if not change < 0.1 * before:  # nan included
+            return tangent if change <= TANGENT_LEFT else None
+        if change * change <= TANGENT_LEFT * before:  # the next change, by the ratio of two
             return tangent
-        if not change < 0.1 * before:
-            return None
     return None
 
 
