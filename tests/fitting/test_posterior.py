@@ -1,13 +1,16 @@
 """Samples of the posterior: around the best fit, with units, and what they refuse."""
 
 import pickle
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 import amoeboid as am
 
-pytest.importorskip("emcee", reason="the extra amoeboid[posterior]")
+pytestmark = pytest.mark.skipif(
+    find_spec("emcee") is None, reason="the extra amoeboid[posterior] is not installed"
+)
 
 P = am.Parameters.physical()
 
