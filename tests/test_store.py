@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from benchmarks.kills import killed_runs
-from pyvista import get_reader, read
+from pyvista import get_reader
+from pyvista import read as opened
 
 from amoeboid.cli.main import main
 from amoeboid.config import (
@@ -320,7 +321,7 @@ def frame_times(folder):
     """Times of the list of frames, of the frames themselves, and of the manifest if it is there."""
     series = get_reader(str(folder / "frames.pvd"))
     read = [
-        float(read(folder / "frames" / f"frame_{k:05d}.vtp").field_data["t"][0])
+        float(opened(folder / "frames" / f"frame_{k:05d}.vtp").field_data["t"][0])
         for k in range(len(series.time_values))
     ]
     assert read == series.time_values
