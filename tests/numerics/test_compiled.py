@@ -158,6 +158,7 @@ def test_a_user_without_a_home_keeps_kernels_among_temporary_files(tmp_path, mon
     assert kept.folder().parents[1] == tmp_path / f"cache-{os.geteuid()}"
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_where_numba_is_switched_off():
     """Some exist as compiled code only."""
     code = (

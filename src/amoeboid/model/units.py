@@ -30,6 +30,8 @@ _CUSTOMARY = {
     "M L^2/T^2": "pN um",
     "M L^2/T^3": "aW",
 }
+# Printed with the first symbol, the micro sign; Pint 0.26 has the Greek letter there.
+_MICRO = "micro- = 1e-6 = \u00b5- = \u03bc- = u- = mu- = mc-"
 # Signs of print, and blanks of any width, as the keyboard has them.
 _SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
 _TOKEN = re.compile(
@@ -115,6 +117,22 @@ def measured(name: str, value: Any, dimension: str, example: str) -> float:
     return float(quantity.to(wanted).magnitude)
 
 
+def in_si(name: str, text: str) -> tuple[float, tuple[float, float, float]]:
+    """A quantity as a number of SI base units, and its powers of length, time and mass.
+
+    Raises InvalidInput, naming `name`, if it is no quantity or has other powers as well.
+    """
+    found = _counted(_parsed(name, text, "5 min"))
+    powers = dict(found.dimensionality)
+    known = tuple(float(powers.pop(f"[{base}]", 0)) for base in ("length", "time", "mass"))
+    if powers:
+        raise InvalidInput(
+            f"{name} must be a quantity of length, time and mass, got {text!r} "
+            f"({found.dimensionality})"
+        )
+    return float(found.to_base_units().magnitude), (known[0], known[1], known[2])
+
+
 def quantity(value: Any, dimension: str, units: Units) -> Any:
     """A number, or an array, of a dimension in the units of a cell as a quantity of pint.
 
@@ -140,6 +158,13 @@ def customary_unit(dimension: str) -> str:
     if len(below) > 1:
         return f"{unit}/({' '.join(below)})"
     return f"{unit}/{below[0]}" if below else unit
+
+
+@cache
+def customary_power(dimension: str) -> int:
+    """The power of ten of SI base units that `customary_unit` is: -6 for a length, in um."""
+    unit = _registry().parse_units(customary_unit(dimension))
+    return round(math.log10(float((1.0 * unit).to(_base_unit(dimension)).magnitude)))
 
 
 def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:
@@ -249,7 +274,8 @@ def _spelled(dimension: str) -> str:
 @cache
 def _registry() -> Any:
     pint = needed("pint", QUANTITIES)
-    registry = pint.UnitRegistry()
+    registry = pint.UnitRegistry(on_redefinition="ignore")
+    registry.define(_MICRO)
     registry.formatter.default_format = ".6g~P"
     registry.separate_format_defaults = True  # ".3f" says how numbers look, units stay short
     return registry
