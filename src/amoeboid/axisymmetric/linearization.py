@@ -47,7 +47,7 @@ MAX_TOGETHER = 32
 """States that go through one call together: more gain nothing and need more memory."""
 
 
-MULTIPLE = 4
+MULTIPLE = 2
 """Degrees are multiples of this, so that more states of a branch share one."""
 
 
@@ -97,10 +97,15 @@ class Linearization:
         """Growth rates of perturbations exp(i m phi) of each state, fastest first [1/time]."""
         matrices, left_out, counts = self._matrices(m)
         found: list[Array] = [np.zeros(0)] * len(self.states)
-        for pattern in np.unique(counts, axis=0):
-            alike = np.nonzero(np.all(counts == pattern, axis=1))[0]
-            kept = complement(left_out[alike][..., pattern])
-            of_these = np.linalg.eigvals(kept.swapaxes(-1, -2) @ matrices[alike] @ kept)
+        alike_by_pattern: dict[tuple[bool, ...], list[int]] = {}
+        for k, pattern in enumerate(counts.tolist()):
+            alike_by_pattern.setdefault(tuple(pattern), []).append(k)
+        for pattern, alike in alike_by_pattern.items():
+            reduced = matrices[alike]
+            if any(pattern):
+                kept = complement(left_out[alike][..., np.array(pattern)])
+                reduced = kept.swapaxes(-1, -2) @ reduced @ kept
+            of_these = np.linalg.eigvals(reduced)
             for k, rates in zip(alike, of_these, strict=True):
                 rates = rates if np.any(rates.imag) else rates.real
                 found[k] = self.units[k] * rates[np.argsort(-rates.real, kind="stable")]
@@ -244,9 +249,13 @@ def highest_growing_of(cells: Sequence[Parameters]) -> list[int]:
         alike.setdefault((p.law, p.stress), []).append(k)
     found = [0] * len(cells)
     for group in alike.values():
-        values = {name: np.array([[getattr(cells[k], name)] for k in group]) for name in DIMENSIONS}
+        values: dict[str, Any] = {
+            name: np.array([[getattr(cells[k], name)] for k in group]) for name in DIMENSIONS
+        }
         with np.errstate(all="ignore"):  # what is not finite is rejected
-            rates = finite_pressure_rates(points(cells[group[0]], **values), l)[..., 0].real
+            rates = finite_pressure_rates(replace(points(cells[group[0]]), **values), l)[
+                ..., 0
+            ].real
         for k, growing in zip(group, rates > 0, strict=True):
             found[k] = int(l[growing][-1]) if growing.any() else 0
     return found

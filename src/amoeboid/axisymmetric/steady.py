@@ -444,8 +444,8 @@ def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
     f = fields_of(x, m)
     s = shape(grid(m), f.psi, f.psi_slope, f.scale)
     v_p = speed(s, f.c, p)
-    units = np.concatenate([np.ravel(unit) for unit in strong_units(f, v_p, p, m)])
-    return float(np.max(np.abs(np.concatenate(equations_on(s, v_p, f, p))) / units))
+    found = zip(equations_on(s, v_p, f, p), strong_units(f, v_p, p, 1), strict=True)
+    return float(np.max([np.abs(residual).max() / np.ravel(unit)[0] for residual, unit in found]))
 
 
 def strong_units(f: Fields, v_p: Any, p: Any, m: int) -> list[Any]:
