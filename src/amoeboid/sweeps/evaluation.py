@@ -67,11 +67,8 @@ class Solver:
         return int(getattr(own, "batch_size", 1)) if self.batch is not None else 1
 
 
-def evaluated(solver: Solver, cells: Sequence[Any], attempt: int = 0) -> tuple[list[str], Meanings]:
-    """Lines for cells, in their order, and what the names in them mean.
-
-    `attempt` tells a task that is given again from the first one.
-    """
+def evaluated(solver: Solver, cells: Sequence[Any]) -> tuple[list[str], Meanings]:
+    """Lines for cells, in their order, and what the names in them mean."""
     meanings: Meanings = {}
     with one_thread, silenced():
         if solver.batch is not None:
