@@ -27,7 +27,7 @@ from amoeboid.sweeps.refinement import Refinement
 from amoeboid.sweeps.result import Sweep
 from amoeboid.sweeps.table import Layout, check_netcdf, layout
 from amoeboid.terminal import shown_line
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, path_of
 
 QUIET = 2.0  # seconds; a sweep that is over by then shows nothing from Python
 WHOLE = (1, 1)
@@ -84,7 +84,7 @@ def sweep(
     """
     plan = points if isinstance(points, Refinement) else None
     part = _checked_shard(shard, folder, plan)
-    place = None if folder is None else Path(folder)
+    place = None if folder is None else path_of(folder, "the folder of a sweep")
     if place is not None and part == WHOLE:
         check_netcdf()
     first = _points(points)
@@ -160,7 +160,7 @@ class _Run:
             sound = [without_conflicts(line, conflicts) for line in lines]
             rows = {keys[k]: line for k, line in zip(places, sound, strict=True)}
             if self.store is not None:
-                self.store.add(rows, joint)
+                self.store.add(rows, joint, together=self.solver.batch_size > 1)
             else:
                 known.update(rows)
                 meanings.update(joint)
@@ -177,8 +177,11 @@ class _Run:
             run_serially(self.solver, cells, possible, take)
         elif possible:
             Parallel(self.solver, cells, take, **self.how).run(possible)
-        folder = None if self.store is None else self.store.path
-        return Sweep(table, tuple(known.get(key) for key in keys), dict(meanings), folder)
+        rows = tuple(known.get(key) for key in keys)
+        if self.store is None:
+            return Sweep(table, rows, dict(meanings))
+        outdated = len(self.store.outdated.difference(keys))
+        return Sweep(table, rows, dict(meanings), self.store.path, outdated)
 
     def _todo(self, keys: Sequence[str], known: Mapping[str, str]) -> list[int]:
         """The points of this shard that are not done, the same point once."""
@@ -343,7 +346,8 @@ def _checked_executor(executor: Any, workers: Any, points_per_task: Any) -> dict
             raise InvalidInput(f"{name} must be a whole number >= 1, got {count!r}")
     if executor is not None and workers is not None:
         raise InvalidInput("give an executor or workers, not both")
-    if executor is not None and not callable(getattr(executor, "submit", None)):
+    usable = callable(getattr(executor, "submit", None)) and not isinstance(executor, type)
+    if executor is not None and not usable:
         raise InvalidInput(
             "executor must have `submit`, as those of concurrent.futures and Dask's "
             f"client.get_executor(), got {executor!r:.100}"

@@ -82,7 +82,7 @@ def _about(job: Job) -> dict[str, Any]:
 
 def _add_series(job: Job, file: Any) -> None:
     """The time series over the dimension `step`."""
-    for name, column in job.run.columns.items():
+    for name, column in (job.run.columns if job.has_series else {}).items():
         kind = "i8" if name in WHOLE else "f8"
         own = f"series_{name}" if name in FIELDS else name
         variable = file.create_variable(own, ("step",), kind)
@@ -136,4 +136,5 @@ FORMAT = Format(
     files,
     packages=("h5netcdf", "h5py"),
     frames=False,
+    series=True,
 )
