@@ -212,4 +212,6 @@ def load_sweep(folder: str | os.PathLike[str]) -> Sweep:
     stored = SweepFolder(path)
     stored.read(str(manifest.get("code")))
     rows = tuple(stored.rows.get(str(key)) for key in keys)
-    return Sweep(found, rows, stored.meanings, path, len(stored.outdated.difference(map(str, keys))))
+    return Sweep(
+        found, rows, stored.meanings, path, len(stored.outdated.difference(map(str, keys)))
+    )
