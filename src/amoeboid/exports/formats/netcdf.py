@@ -47,7 +47,7 @@ def write(job: Job, path: Path) -> None:
     """
     sizes = np.array([(len(cell.c), len(cell.faces)) for _, cell in job.cells("sizes")])
     n_nodes, n_triangles = (int(n) for n in sizes.reshape(-1, 2).max(axis=0, initial=0))
-    lengths = {"step": len(job.run.rows)}
+    lengths = {"step": len(job.run.rows)} if job.has_series else {}
     if len(job.numbers):
         lengths |= {"frame": len(job.numbers), "node": n_nodes, "triangle": n_triangles}
         lengths |= {"xyz": 3, "corner": 3}
