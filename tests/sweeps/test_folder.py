@@ -147,7 +147,7 @@ def test_results_of_another_version_are_computed_anew_also_with_a_key(tmp_path, 
     for _ in range(2):
         am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
     assert len(counted) == 2
-    monkeypatch.setattr("amoeboid.sweeps.sweep.version", lambda _: "0.0.0")
+    monkeypatch.setattr("amoeboid.sweeps.computation.version", lambda _: "0.0.0")
     am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
     assert len(counted) == 4
 
@@ -274,7 +274,7 @@ def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
 def test_a_merge_tells_of_shards_that_other_code_has_computed(tmp_path, monkeypatch, capsys):
     points = am.grid(v_p0=[1, 2, 3, 4, 5])
     with monkeypatch.context() as older:
-        older.setattr("amoeboid.sweeps.sweep.version", lambda _: "0.0.0")
+        older.setattr("amoeboid.sweeps.computation.version", lambda _: "0.0.0")
         am.sweep(points, solvers.square, folder=tmp_path, shard=(1, 2))
     am.sweep(points, solvers.square, folder=tmp_path, shard=(2, 2))
     found = am.load_sweep(tmp_path)
