@@ -378,14 +378,16 @@ def test_an_interrupted_run_ends_cleanly_and_can_go_on(how, tmp_path):
 
 def test_an_interrupted_run_says_once_when_it_stopped(tmp_path, monkeypatch, capsys):
     @contextmanager
-    def stopping(start, end):
+    def stopping(*_):
         presses = iter([signal.SIGINT])  # a second one would end it at once
         yield lambda row: [os.kill(os.getpid(), press) for press in presses]
 
     monkeypatch.setattr("amoeboid.runs.progress.reported", stopping)
     words = ["--set", "mesh.subdivisions=1", "-o", str(tmp_path / "run")]
     assert main(["run", *words]) == 130
-    last = [line for line in capsys.readouterr().out.splitlines() if " steps, " in line]
+    out, err = capsys.readouterr()
+    assert f"amoeboid run: to continue: amoeboid run --resume {tmp_path / 'run'}\n" in err
+    last = [line for line in out.splitlines() if " steps, " in line]
     assert len(last) == 1
     assert re.fullmatch(r"interrupted at t = \S+, \d+ steps, \S+ s", last[0])
 

@@ -232,3 +232,13 @@ def test_a_damaged_manifest_does_not_keep_a_run_from_going_on(project, tmp_path,
         (tmp_path / "a/manifest.json").write_text(text)
         longer = told(capsys, "--resume", tmp_path / "a", "--set", f"time.end={0.3 + 0.01 * end}")
         assert "initial_shape" not in longer
+
+
+def test_a_surface_that_is_not_repaired_keeps_its_nodes_and_says_so(project, tmp_path, capsys):
+    words = ["--set", f"initial.surface={project / 'shapes' / 'cell.stl'}", "--set", "time.end=0.1"]
+    assert main(["run", "-o", str(tmp_path / "a"), *words]) == 0
+    assert "initial shape: 162 nodes, those of the file\n" in capsys.readouterr().err
+    words += ["--set", "mesh.subdivisions=4", "--json"]
+    assert main(["run", "-o", str(tmp_path / "b"), *words]) == 0
+    err = capsys.readouterr().err
+    assert "162 nodes, those of the file; mesh.subdivisions has no effect without init" in err

@@ -14,16 +14,7 @@ if TYPE_CHECKING:
     from amoeboid.closed_forms.linear import growth_rate, thresholds
     from amoeboid.closed_forms.points import points
     from amoeboid.closed_forms.response import polarization_by_cue
-    from amoeboid.config import (
-        Config,
-        Initial,
-        Mesh,
-        Noise,
-        Output,
-        Time,
-        config_from_toml,
-        config_to_toml,
-    )
+    from amoeboid.config import Config, config_from_toml, config_to_toml
     from amoeboid.explorer.notebook import explore
     from amoeboid.fitting.fit import fit
     from amoeboid.fitting.measurements import Measurements, measurements
@@ -36,15 +27,13 @@ if TYPE_CHECKING:
     from amoeboid.model.polymerization import Custom, Exponential, Inverse, Law
     from amoeboid.model.stress import Stress
     from amoeboid.motility.cells import MeasuredCell
+    from amoeboid.motility.contacts import Channel, Patch, Plates
     from amoeboid.motility.environments import (
-        Channel,
         CortexDrag,
         Environment,
         Fluid,
         Matrix,
         Mixed,
-        Patch,
-        Plates,
     )
     from amoeboid.observables import OBSERVABLES, Cell, Observable, observable, observed
     from amoeboid.runs.analysis import Kymograph, Spectrum
@@ -55,6 +44,7 @@ if TYPE_CHECKING:
     from amoeboid.runs.solution import Solution, simulate
     from amoeboid.runs.steady_cell import SteadyCell, steady_state
     from amoeboid.runs.stored import StoredRun, load
+    from amoeboid.sections import Initial, Mesh, Noise, Output, Time
     from amoeboid.simulation.events import steady, time, when
     from amoeboid.simulation.loop import evolve, start
     from amoeboid.simulation.step import Step
@@ -77,7 +67,7 @@ _HOMES = {
     "Branch": "studies.branch",
     "Cell": "observables",
     "Change": "model.changes",
-    "Channel": "motility.environments",
+    "Channel": "motility.contacts",
     "Config": "config",
     "CortexDrag": "motility.environments",
     "Cue": "model.cues",
@@ -89,7 +79,7 @@ _HOMES = {
     "Flow": "surface.state",
     "Fluid": "motility.environments",
     "Icosphere": "runs.meshes",
-    "Initial": "config",
+    "Initial": "sections",
     "InitialCell": "meshes.cells",
     "InvalidInput": "validation",
     "Inverse": "model.polymerization",
@@ -99,19 +89,19 @@ _HOMES = {
     "MeasuredCell": "motility.cells",
     "ManySteadyStates": "studies.many",
     "Measurements": "fitting.measurements",
-    "Mesh": "config",
+    "Mesh": "sections",
     "Migration": "studies.migration",
     "Mixed": "motility.environments",
     "Model": "surface.model",
-    "Noise": "config",
+    "Noise": "sections",
     "OBSERVABLES": "observables",
     "Observable": "observables",
-    "Output": "config",
+    "Output": "sections",
     "Parameters": "model.parameters",
-    "Patch": "motility.environments",
+    "Patch": "motility.contacts",
     "Persistence": "runs.persistence",
     "PhaseDiagram": "studies.phase_diagram",
-    "Plates": "motility.environments",
+    "Plates": "motility.contacts",
     "Points": "sweeps.points",
     "Refinement": "sweeps.refinement",
     "Snapshot": "runs.snapshot",
@@ -128,7 +118,7 @@ _HOMES = {
     "Surface": "runs.meshes",
     "Sweep": "sweeps.result",
     "Theory": "studies.theory",
-    "Time": "config",
+    "Time": "sections",
     "branch": "runs.branches",
     "config_from_toml": "config",
     "config_to_toml": "config",

@@ -3,48 +3,31 @@
 from __future__ import annotations
 
 import math
-import re
-import tomllib
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path, PurePath
 from typing import Any
 
-from amoeboid.conditions import condition, refuse_unknown_parameters
+from amoeboid.assignments import MEDIUM, SECTIONS, assignments
+from amoeboid.conditions import check_condition
 from amoeboid.display import short_repr
-from amoeboid.model.changes import CHANGEABLE, Changes
+from amoeboid.model.changes import Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
 from amoeboid.model.parameters import (
-    PARAMETER_NAMES,
     RELATIONS,
     Parameters,
     refuse_unwritable_relations,
 )
+from amoeboid.model.units import Units
 from amoeboid.motility.environments import CortexDrag, Environment
 from amoeboid.motility.words import environment, written
+from amoeboid.quantities import in_numbers
+from amoeboid.sections import Initial, Mesh, Noise, Output, Time, checked_noise
 from amoeboid.toml import toml_text
-from amoeboid.validation import (
-    InvalidInput,
-    automatic,
-    choice,
-    file,
-    flag,
-    harmonics,
-    integer,
-    number,
-    numbers,
-    refuse_unknown,
-    texts,
-    toml_document,
-    validate,
-    vector,
-)
+from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
-POINT_AT_AN_END = re.compile(r"[+-]?(?:\d+\.|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
-SCHEMES = ("semi-implicit", "explicit")
-FINISHES = ("wait", "solve")
 # The step of the explicit scheme in the paper, in units of 1/rate.
 EXPLICIT_STEP = 1e-5
 # Shortest steps that are made, in units of 1/rate. In explicit ones what they put right of the
@@ -56,164 +39,8 @@ NOISY_STEP = 0.05
 # Initial polarization of figure 3D and of the upper branch of figure 3B of the paper, in units of
 # c0; the front is empty then. Laws that are not defined there start from less.
 POLARIZATION, POLARIZATION_WITHOUT_EMPTY_FRONT = 1.0, 0.2
-# The field of [environment]: the text of one, such as "patch:30".
-MEDIUM = "medium"
 # Fields of [initial] that name a file.
 FILES = ("surface", "from_frame")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Mesh:
-    """Section [mesh]."""
-
-    subdivisions: int = integer(
-        3, "subdivisions n of the icosahedron: 10 * 4**n + 2 nodes (3: 642)", ge=1, le=6
-    )
-
-    def __post_init__(self) -> None:
-        validate(self, "mesh")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Initial:
-    """Section [initial]: the shape, and c = c0 + perturbation cos(theta) + harmonics + noise.
-
-    theta is the angle between `direction` and r - r_cm (on the sphere: perturbation
-    (r - r_cm).direction/R0). The shape is that of `surface`, shape and c0 are those of
-    `from_frame`; without either the cell is the sphere of section [mesh].
-    """
-
-    __repr__ = short_repr
-
-    perturbation: float = automatic(
-        "amplitude of the initial polarization; automatic: c0, c0/5 if the law needs c > 0, 0 "
-        "with from_frame",
-        "N/L^2",
-    )
-    direction: tuple[float, float, float] = vector(
-        (0.0, 0.0, 1.0), "axis of the initial polarization, towards the rear"
-    )
-    harmonics: tuple[tuple[int, int, float], ...] = harmonics(
-        "real spherical harmonics added to c, polar axis z; [1, 0, a] is a cos(theta)"
-    )
-    noise: float = number(0.0, "rms of seeded random noise added to c", "N/L^2", ge=0)
-    seed: int = integer(0, "seed of initial.noise", ge=0, le=2**63 - 1)
-    surface: str | None = file("closed triangulated surface to start from: stl, ply, obj, vtp")
-    repair: bool = flag(
-        False,
-        "repair initial.surface: join and reorient triangles, and remesh a poor mesh to about "
-        "the number of nodes of mesh.subdivisions",
-    )
-    from_frame: str | None = file("frame (.vtp) of another run from which to start")
-
-    def __post_init__(self) -> None:
-        validate(self, "initial")
-        if self.surface is not None and self.from_frame is not None:
-            raise InvalidInput(
-                f"a run must have only one initial shape, got initial.surface = {self.surface!r} "
-                f"and initial.from_frame = {self.from_frame!r}; leave one out"
-            )
-        if self.repair and self.surface is None:
-            raise InvalidInput(
-                "initial.repair must be false without initial.surface, got true; give a surface "
-                "or leave it out"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Time:
-    """Section [time]."""
-
-    __repr__ = short_repr
-
-    end: float = automatic(
-        "time at which the run ends; automatic: 200/rate after the last change of a parameter",
-        "T",
-        gt=0,
-    )
-    scheme: str = choice("semi-implicit", "time stepping", SCHEMES)
-    tolerance: float = number(1e-3, "error tolerated in one step, relative to c0 and R0", gt=0)
-    max_step: float = automatic(
-        "longest time step; automatic: 0.5/rate, with shot noise 0.05/rate; explicit: the step "
-        "itself, 1e-5/rate",
-        "T",
-        gt=0,
-    )
-    stop_when_steady: bool = flag(
-        True, "end the run once the cell is steady: it does not change, and no perturbation grows"
-    )
-    finish: str = choice(
-        "wait",
-        "how a run reaches the steady cell: wait for it, or solve the steady equations once it "
-        "is near",
-        FINISHES,
-    )
-    until: tuple[str, ...] = texts(
-        "further conditions that end the run, such as 'polarity > 0.5'", condition
-    )
-
-    def __post_init__(self) -> None:
-        validate(self, "time")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Output:
-    """Section [output]."""
-
-    __repr__ = short_repr
-
-    interval: float = automatic(
-        "time between two frames; automatic: 0.5/rate; frames are at its multiples and at the end",
-        "T",
-        gt=0,
-    )
-    times: tuple[float, ...] = numbers(
-        "times of the frames in ascending order, instead of the interval", "T"
-    )
-
-    def __post_init__(self) -> None:
-        validate(self, "output")
-
-
-@dataclass(frozen=True, kw_only=True)
-class Noise:
-    """Section [noise]: shot noise of turnover and diffusion, see docs/noise.md.
-
-    Filaments are counted, so that the strength of the noise is no free parameter: `filaments` is
-    their number on the homogeneous cell, 4 pi R0^2 c0 in numbers. 0: there is no noise.
-    """
-
-    __repr__ = short_repr
-
-    filaments: float = number(
-        0.0, "shot noise: filament number of the homogeneous cell, 4 pi R0^2 c0; 0: no noise", ge=0
-    )
-    seed: int = integer(0, "seed of the shot noise", ge=0, le=2**63 - 1)
-
-    def __post_init__(self) -> None:
-        validate(self, "noise")
-
-    @classmethod
-    def counted(cls, parameters: Parameters, seed: int = 0) -> Noise:
-        """The noise of a cell in physical units, whose filaments are counted: 4 pi R0^2 c0.
-
-        `seed`: that of its random numbers. Raises InvalidInput for parameters without units.
-
-        >>> print(f"{Noise.counted(Parameters.physical()).filaments:.4g}")
-        1.722e+06
-        """
-        p = parameters
-        if p.units is None:
-            raise InvalidInput(
-                "counting the filaments of a cell needs parameters with units, these have none; "
-                "start from Parameters.physical, or give Noise(filaments=...)"
-            )
-        return cls(filaments=4.0 * math.pi * p.R0**2 * p.c0 * p.units.of("N"), seed=seed)
-
-    @property
-    def acts(self) -> bool:
-        """Whether there is noise."""
-        return self.filaments > 0.0
 
 
 def figure_3d() -> Parameters:
@@ -253,7 +80,7 @@ class Config:
                 f"'patch:30', got {self.environment!r}"
             )
         for text in self.time.until:
-            refuse_unknown_parameters(text, self.parameters)
+            check_condition(text, self.parameters)
         checked_noise(self.noise)
         if self.cue is None:
             object.__setattr__(self, "cue", Cue())
@@ -277,18 +104,6 @@ class Config:
         if name == "environment":
             return {MEDIUM: written(values)}
         return written_cue(values) if name == "cue" else asdict(values)
-
-
-SECTIONS: dict[str, tuple[str, ...]] = {
-    "parameters": PARAMETER_NAMES,
-    **{
-        section.__name__.lower(): tuple(f.name for f in fields(section))
-        for section in (Mesh, Initial, Time, Output, Noise)
-    },
-    "changes": CHANGEABLE,
-    "cue": tuple(f.name for f in fields(Cue)),
-    "environment": (MEDIUM,),
-}
 
 
 def resolved(config: Config) -> Config:
@@ -317,13 +132,6 @@ def resolved(config: Config) -> Config:
     config = replace(config, initial=initial, time=time, output=replace(output, interval=interval))
     _check_times(config)
     return config
-
-
-def checked_noise(given: Any) -> Noise:
-    """The noise that is given. Raises InvalidInput for another object."""
-    if isinstance(given, Noise):
-        return given
-    raise InvalidInput(f"noise must be amoeboid.Noise(filaments=..., seed=...), got {given!r:.100}")
 
 
 def _check_noise(config: Config) -> None:
@@ -363,13 +171,14 @@ def shortest_step(config: Config) -> float:
 
 
 def _check_times(config: Config) -> None:
-    shortest = shortest_step(config)
+    shortest, p = shortest_step(config), config.parameters
     times = {f"time.{name}": getattr(config.time, name) for name in ("end", "max_step")}
     for name, value in (times | {"output.interval": config.output.interval}).items():
         if not value > shortest:
             raise InvalidInput(
-                f"{name} must be > {shortest:g}, the shortest {config.time.scheme} step, got "
-                f"{value:g}; raise it or leave it out"
+                f"{name} must be > {p.quantity(shortest, 'T'):g}, the shortest "
+                f"{config.time.scheme} step, got {p.quantity(value, 'T'):g}; raise it "
+                "or leave it out"
             )
 
 
@@ -401,16 +210,30 @@ def _inside(name: str, folder: Path, path: str) -> Path:
     return folder / path
 
 
-def configured(base: Config, changes: Mapping[str, Mapping[str, Any]]) -> Config:
-    """`base` with {section: {name: value}} changed; unknown sections and names are refused."""
+def configured(
+    base: Config, changes: Mapping[str, Mapping[str, Any]], plain: bool = True
+) -> Config:
+    """`base` with {section: {name: value}} changed; unknown sections and names are refused.
+
+    For a cell with units values may be quantities such as "15 min". Numbers without a unit are in
+    the units of the cell if `plain`, and refused otherwise. Raises InvalidInput.
+    """
     sections: dict[str, Any] = {}
-    for section, values in changes.items():
+    p = base.parameters
+    # the parameters first: their units are those of the rest
+    for section in sorted(changes, key=lambda name: name != "parameters"):
+        values = changes[section]
         refuse_unknown([section], SECTIONS, "section")
         if not isinstance(values, Mapping):
             raise InvalidInput(f"[{section}] must be a section of names and values, got {values!r}")
         if section not in ("parameters", "changes"):  # which know their names themselves
             refuse_unknown(values, SECTIONS[section], "field", f"in [{section}]")
-        sections[section] = _changed(getattr(base, section), section, values)
+        if section == "environment":
+            sections[section] = _medium(values.get(MEDIUM), p, plain)
+            continue
+        numbers = in_numbers(section, values, p, plain)
+        sections[section] = _changed(getattr(base, section), section, numbers)
+        p = sections.get("parameters", p)
     return replace(base, **sections)
 
 
@@ -419,8 +242,6 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
         return Changes({**before, **values})
     if isinstance(before, Parameters):
         return before.replace(**values)
-    if section == "environment":
-        return _medium(values.get(MEDIUM))
     if section == "cue" and not isinstance(before, Cue):
         raise InvalidInput(
             f"[cue] changes the fields of a Cue, got {type(before).__name__}; leave it out"
@@ -428,52 +249,91 @@ def _changed(before: Any, section: str, values: Mapping[str, Any]) -> Any:
     return replace(before, **values)
 
 
-def _medium(text: Any) -> Environment:
+def _medium(text: Any, p: Parameters, plain: bool) -> Environment:
     if not isinstance(text, str):
         raise InvalidInput(
             f"environment.{MEDIUM} must be a text such as 'fluid' or 'patch:30', got {text!r}"
         )
     found = environment(text)
-    found.settled(None)  # refuses quantities, which a configuration has no units for
+    # refuses quantities for a cell without units, and numbers for one with units unless `plain`
+    _ = found.settled(p.units) if plain else found.of(p.units)
     return found
+
+
+def config_of(
+    document: Mapping[str, Any],
+    settings: Iterable[str] = (),
+    physical: bool = False,
+    folder: Path | None = None,
+) -> Config:
+    """The configuration of the tables of a file, changed by `settings`.
+
+    With `physical`, or `physical = true` in the file, values have units, and what is left out is
+    as in the paper's cell. A table [units] tells the size of the units of plain numbers, in SI; a
+    run writes it. `folder`: that of the file, from which the paths in it lead. For `settings` see
+    `with_settings`. Raises InvalidInput.
+    """
+    given, changes = dict(document), assignments(settings)
+    physical = _is_physical(given.pop("physical", physical), physical)
+    units = _units(given.pop("units", None), physical)
+    if physical:
+        own = _together(given.pop("parameters", {}), changes.pop("parameters", {}))
+        base = Config(parameters=Parameters.physical(**own))
+    else:
+        base = Config(parameters=replace(figure_3d(), units=units))
+    config = configured(base, given, plain=not physical)
+    if folder is not None:
+        config = anchored(config, folder)
+    return configured(config, changes, plain=base.parameters.units is None)
+
+
+def _is_physical(stated: Any, asked: bool) -> bool:
+    """Whether values have units, by the file and by the command. Raises InvalidInput."""
+    if not isinstance(stated, bool):
+        raise InvalidInput(f"physical must be true or false, got {stated!r:.100}")
+    if asked and not stated:
+        raise InvalidInput(
+            "--physical and `physical = false` in the file contradict each other; leave one out"
+        )
+    return stated
+
+
+def _units(given: Any, physical: bool) -> Units | None:
+    """The sizes of the units of plain numbers that a file states. Raises InvalidInput."""
+    if given is None:
+        return None
+    names = tuple(f.name for f in fields(Units))
+    known = isinstance(given, Mapping) and set(given) == set(names)
+    if not known or not all(isinstance(x, float) and 0 < x < math.inf for x in given.values()):
+        raise InvalidInput(
+            f"[units] must have {', '.join(names)}, each a number > 0 with a point, got "
+            f"{given!r:.200}; a run writes this table, for your own values use physical = true"
+        )
+    if physical:
+        raise InvalidInput(
+            "a file must have either [units], for plain numbers, or physical = true, got both; "
+            "leave one out"
+        )
+    return Units(**given)
+
+
+def _together(file: Any, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Parameters of a file and of settings; a law or stress that is set replaces the file's."""
+    if not isinstance(file, Mapping):
+        raise InvalidInput(f"[parameters] must be a section of names and values, got {file!r}")
+    replaced = tuple(f"{kind}." for kind in RELATIONS if kind in settings)
+    kept = {k: v for k, v in file.items() if not (replaced and k.startswith(replaced))}
+    return {**kept, **settings}
 
 
 def with_settings(base: Config, settings: Iterable[str]) -> Config:
     """`base` changed by texts `name=value` (a parameter) or `section.key=value`.
 
     `law.n=3` and `stress.k=0.3` are parameters of law and stress, in any order. Values are
-    written as in TOML; a bare word is a string. Raises InvalidInput.
+    written as in TOML; a bare word is a string. For a cell with units they have units. Raises
+    InvalidInput.
     """
-    changes: dict[str, dict[str, Any]] = {}
-    for setting in settings:
-        path, equals, text = setting.partition("=")
-        path = path.strip()
-        if not equals or not path or not text.strip():
-            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        section, dot, name = path.partition(".")
-        if dot and not (section and name):
-            raise InvalidInput(f"--set takes name=value or section.key=value, got {setting!r}")
-        if section in RELATIONS:
-            section, name = "parameters", path
-        elif not dot:
-            section, name = "parameters", path
-            refuse_unknown([name], (*PARAMETER_NAMES, *_dotted_names()), "parameter or field")
-        value = text.strip() if name in RELATIONS else _value(text.strip())
-        changes.setdefault(section, {})[name] = value
-    return configured(base, changes)
-
-
-def _value(text: str) -> Any:
-    try:
-        document = tomllib.loads(f"value = {text}")
-    except (ValueError, RecursionError):
-        # .5 and 5. are numbers too, though not in TOML
-        return float(text) if POINT_AT_AN_END.fullmatch(text) else text
-    return document["value"] if document.keys() == {"value"} else text
-
-
-def _dotted_names() -> list[str]:
-    return [f"{s}.{n}" for s, names in SECTIONS.items() if s != "parameters" for n in names]
+    return configured(base, assignments(settings), plain=base.parameters.units is None)
 
 
 def config_to_toml(config: Config) -> str:
@@ -481,16 +341,19 @@ def config_to_toml(config: Config) -> str:
 
     Raises InvalidInput for a law, a stress, a change and a cue that a text cannot hold.
     """
-    document = {
+    document: dict[str, Any] = {
         section: {k: v for k, v in config.section(section).items() if v is not None}
         for section in SECTIONS
     }
-    return toml_text(document)
+    units = config.parameters.units
+    return toml_text(({} if units is None else {"units": asdict(units)}) | document)
 
 
 def config_from_toml(text: str, name: str = "the configuration") -> Config:
     """A configuration from TOML text; what it leaves out keeps the default run's value.
 
-    Raises InvalidInput; if the text is not TOML at all, under `name`.
+    With `physical = true` at its head values have units, such as R0 = "8 um" and end = "15 min",
+    and what it leaves out is as in the paper's cell. Raises InvalidInput; if the text is not TOML
+    at all, under `name`.
     """
-    return configured(Config(), toml_document(text, name))
+    return config_of(toml_document(text, name))

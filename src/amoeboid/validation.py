@@ -19,6 +19,9 @@ class InvalidInput(ValueError):
     """What the user gave breaks a rule; the message names the rule, the value and the remedy."""
 
 
+MAX_LISTED = 20
+"""Known names that a message lists."""
+
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+(?:[eE][+-]?\d+)?", re.ASCII)
 WITH_UNIT = re.compile(r"[+-]?\d[\d.]*(?:[eE][+-]?\d+)? ?[A-Za-z\u00b5\u03bc*/]")
 
@@ -41,9 +44,9 @@ def file(doc: str) -> Any:
     return field(default=None, metadata={"kind": str, "doc": doc, "file": True})
 
 
-def harmonics(doc: str) -> Any:
-    """A field of spherical harmonics: any number of (degree l, order m, amplitude)."""
-    return field(default=(), metadata={"kind": list, "doc": doc})
+def harmonics(doc: str, unit: str = "1") -> Any:
+    """A field of spherical harmonics: any number of (degree l, order m, amplitude [unit])."""
+    return field(default=(), metadata={"kind": list, "doc": doc, "row_units": ("1", "1", unit)})
 
 
 def texts(doc: str, checked: Callable[[str], str]) -> Any:
@@ -51,12 +54,19 @@ def texts(doc: str, checked: Callable[[str], str]) -> Any:
     return field(default=(), metadata={"kind": list, "doc": doc, "texts": checked})
 
 
-def rows(doc: str, words: str, checked: Callable[[Any], tuple[tuple[float, ...], ...]]) -> Any:
+def rows(
+    doc: str,
+    words: str,
+    checked: Callable[[Any], tuple[tuple[float, ...], ...]],
+    units: tuple[str, ...],
+) -> Any:
     """A field of rows of numbers, which `words` describe; `checked` gives them as they are kept.
 
-    It raises TypeError, ValueError or OverflowError for what is none.
+    `units` are the dimensions of the numbers of a row. `checked` raises TypeError, ValueError or
+    OverflowError for what is none.
     """
-    return field(default=(), metadata={"kind": list, "doc": doc, "words": words, "rows": checked})
+    about = {"kind": list, "doc": doc, "words": words, "rows": checked, "row_units": units}
+    return field(default=(), metadata=about)
 
 
 def numbers(doc: str, unit: str = "1") -> Any:
@@ -116,21 +126,26 @@ def validate(instance: Any, section: str = "") -> None:
             object.__setattr__(instance, f.name, checked)
 
 
-def refuse_unknown(names: Iterable[str], known: Iterable[str], noun: str, where: str = "") -> None:
+def refuse_unknown(
+    names: Iterable[str], known: Iterable[str], noun: str, where: str = "", source: str = ""
+) -> None:
     """Raise InvalidInput for the first name that is not known, with the nearest known one.
 
     The nearest is one that differs only in the case of letters, or else the most similar one.
-    `where` follows the name in the message: "of the law 'inverse'".
+    `where` follows the name in the message: "of the law 'inverse'". Of many known names the first
+    are listed; `source` tells what lists all, such as "amoeboid run --help".
     """
     known = list(known)
     for name in names:
         if name not in known:
             same = [one for one in known if one.lower() == name.lower()]
             close = same or get_close_matches(name, known, n=1)
-            hint = f"; did you mean {close[0]}?" if close else ""
+            hint = f" did you mean {close[0]}?" if close else ""
             place = f" {where}" if where else ""
-            allowed = ", ".join(known)
-            raise InvalidInput(f"unknown {noun} {name!r}{place}; allowed: {allowed}{hint}")
+            listed, more = known[:MAX_LISTED], len(known) - MAX_LISTED
+            rest = f" and {more} more{f', see {source}' if source else ''}" if more > 0 else ""
+            allowed = ", ".join(listed)
+            raise InvalidInput(f"unknown {noun} {name!r}{place};{hint} allowed: {allowed}{rest}")
 
 
 def is_text(value: str) -> bool:
@@ -203,7 +218,10 @@ def _remedy(value: Any) -> str:
     if DECIMAL_COMMA.fullmatch(str(value)):
         return "; write a decimal point"
     if isinstance(value, str) and WITH_UNIT.match(value):
-        return "; values with units are for Parameters.physical, and for commands with --physical"
+        return (
+            "; values with units need a cell with units: --physical on the command line, "
+            "physical = true at the head of a file, Parameters.physical in Python"
+        )
     return ""
 
 

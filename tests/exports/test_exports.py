@@ -428,12 +428,12 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 def test_exports_of_many_frames_need_no_more_memory_than_those_of_few(tmp_path, name):
     if name == "mp4" and find_spec("imageio_ffmpeg") is None:
         pytest.skip("the extra amoeboid[movie]")
-    folder, count = tmp_path / "many", 1000
+    folder, count = tmp_path / "many", 1000 if name in ("netcdf", "csv") else 300
     run = am.simulate(PLAIN, mesh=am.Icosphere(2), until=am.time(0.2), folder=folder)
     listed = (folder / "frames.pvd").read_text().splitlines(keepends=True)
-    end = run.frames[-1].t
+    frame, end = (folder / "frames/frame_00001.vtp").read_bytes(), run.frames[-1].state.t
     for k in range(count):
-        shutil.copyfile(folder / "frames/frame_00001.vtp", folder / f"frames/frame_{k:05d}.vtp")
+        (folder / f"frames/frame_{k:05d}.vtp").write_bytes(frame)
     entries = [
         f'    <DataSet timestep="{end * k / count!r}" part="0" file="frames/frame_{k:05d}.vtp"/>\n'
         for k in range(count)

@@ -261,7 +261,7 @@ def test_further_starts_are_the_same_each_time():
 @pytest.mark.parametrize(
     ("free", "start", "message"),
     [
-        (["Dd"], P, "unknown parameter 'Dd'; allowed: .*; did you mean D?"),
+        (["Dd"], P, "unknown parameter 'Dd'; did you mean D. allowed: "),
         ([], P, "free must name at least one parameter"),
         (["D", "D"], P, "free must name each parameter once"),
         (

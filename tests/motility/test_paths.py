@@ -7,6 +7,7 @@ import pytest
 
 import amoeboid as am
 from amoeboid.config import config_from_toml, config_to_toml, with_settings
+from amoeboid.forces import friction
 from amoeboid.motility.words import environment, written
 from amoeboid.output.folder import resumed_run
 from amoeboid.simulation.path import (
@@ -229,3 +230,27 @@ def test_rotation_of_the_shape_in_the_axes_of_a_run_is_no_flow(straight):
         b = am.migrate(replace(cell, state=state, flow=flow), name)
         np.testing.assert_allclose(b.velocity, a.velocity, atol=1e-10)
         np.testing.assert_allclose(b.angular_velocity, a.angular_velocity, atol=1e-10)
+
+
+def test_a_cell_with_friction_records_the_path_that_its_friction_gives(tmp_path):
+    """Of uniform friction that is the path in the environment of the same drags; not far as
+    with all drag on the cortex. A resumed run has the bits of an uninterrupted one."""
+    p = am.Parameters(D=0.4, v_p0=6.0, gamma_t=1.0, gamma_n=1.0, gamma_c=0.3)
+    mesh, drags = am.Icosphere(1), am.Mixed(am.Matrix(1.0, 1.0), am.CortexDrag(0.3))
+    own = am.simulate(p, mesh=mesh, until=am.time(1.0), folder=tmp_path / "own")
+    same = am.simulate(p, mesh=mesh, until=am.time(1.0), environment=drags)
+    np.testing.assert_allclose(own.trajectory, same.trajectory, rtol=0, atol=1e-9)
+    U = np.linalg.norm(friction.velocity(own.final.cell))
+    assert own["migration_speed"][-1] == pytest.approx(U, rel=1e-12)
+    assert own["cortex_drag_z"][-1] < 1.1 * own.trajectory[-1, 2] < 0.0
+    assert "path in               friction of the cell" in str(own.show())
+    longer = am.load(tmp_path / "own").resume(until=am.time(1.2))
+    np.testing.assert_array_equal(longer.trajectory, own.resume(am.time(1.2)).trajectory)
+
+
+def test_no_path_is_recorded_where_none_can_be(tmp_path):
+    """Without friction, and where the friction itself changes in time."""
+    for changes in ({}, {"gamma_t": am.steps((0.05, 0.0))}):
+        p = am.Parameters(gamma_t=1.0 if changes else 0.0)
+        run = am.simulate(p, mesh=am.Icosphere(1), until=am.time(0.1), changes=changes)
+        assert "migration_x" not in run.keys()  # noqa: SIM118

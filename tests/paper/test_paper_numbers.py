@@ -17,7 +17,8 @@ from amoeboid.closed_forms.linear import critical_speed, finite_pressure_rates, 
 from amoeboid.closed_forms.monomers import ExponentialDecay, monomer_ratio, speed_coefficients
 from amoeboid.closed_forms.points import infinite_pressure
 from amoeboid.config import Config, Mesh, figure_3d, resolved
-from amoeboid.model.parameters import PAPER_CELL, Parameters
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.physical import PAPER_CELL
 from amoeboid.model.units import in_unit, magnitude
 
 ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"

@@ -4,7 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from amoeboid.closed_forms.linear import critical_speed, growth_rate
-from amoeboid.model.parameters import DIMENSIONS, PAPER_CELL, PARAMETER_NAMES, Parameters
+from amoeboid.model.parameters import DIMENSIONS, PARAMETER_NAMES, Parameters
+from amoeboid.model.physical import PAPER_CELL
 from amoeboid.model.units import in_unit, magnitude
 from amoeboid.validation import InvalidInput
 

@@ -10,10 +10,12 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.documents import text_for
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import drawn_together
 from amoeboid.cli.settings import (
+    add_physical,
     add_settings,
     field_table,
     path,
@@ -21,9 +23,10 @@ from amoeboid.cli.settings import (
     say_parameters,
 )
 from amoeboid.cli.tables import number, table, width
-from amoeboid.config import Config, anchored, config_from_toml, with_settings
+from amoeboid.config import Config, config_of, with_settings
 from amoeboid.extras import check
-from amoeboid.validation import InvalidInput, refuse_unknown
+from amoeboid.sections import Mesh
+from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
 if TYPE_CHECKING:
     from amoeboid.output.folder import RunFolder
@@ -40,7 +43,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=path,
         metavar="CONFIG.toml",
         help="configuration with sections [parameters] [mesh] [initial] [time] [output] [noise] "
-        "[cue] [environment] [changes]; omitted fields keep their defaults",
+        "[cue] [environment] [changes]; omitted fields keep their defaults; with `physical = "
+        'true` at its head, values have units (R0 = "8 um", end = "15 min")',
     )
     parser.add_argument(
         "-o",
@@ -70,10 +74,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "repeatable",
     )
     add_settings(parser)
+    add_physical(parser)
     parser.epilog = (
         "examples:\n"
         "  amoeboid run -o cell --set D=0.4 --set v_p0=6\n"
-        "  amoeboid run --resume cell --set time.end=300\n\n"
+        "  amoeboid run --resume cell --set time.end=300\n"
+        "  amoeboid run --physical --set 'R0=8 um' --set 'v_p0=1.3 um/s' --set 'time.end=15 min'"
+        "\n\n"
         f"fields, their defaults and meanings:\n{field_table()}\n"
         "Automatic values follow from the parameters; rate is the fastest of beta, D/R0^2 and "
         "v_p(c0)/R0. L, T, M and N are the units of length, time, mass and filament number.\n\n"
@@ -102,50 +109,59 @@ def execute(args: argparse.Namespace) -> int:
 
         refuse_unknown(observed_names(args.observe), OBSERVABLES, "observable")
     run, first = _resumed(args) if args.resume is not None else _started(args)
+    p = run.config.parameters
     if not args.json:
-        say_parameters(run.config.parameters)
+        say_parameters(p)
     start, end = first.state.t, run.config.time.end
     signals = (signal.SIGINT, signal.SIGTERM)  # of a user; of a cluster at its time limit
-    with interruptible(signals) as interruption, reported(start, end) as report:
+    with interruptible(signals) as interruption, reported(start, end, p) as report:
         outcome, summary = advance_in_folder(run, first, [interruption], report, began)
     last, status, why = outcome.last, outcome.status, outcome.ended
     if status != FINISHED:
         tell("run", f"{status}: {why}")
         tell("run", f"the last good state is in {run.folder}")
+    if EXIT_CODES[status] == INTERRUPTED:
+        tell("run", f"to continue: {_resuming(run)}")
     if args.json:
         shape = {} if run.adapted is None else {"initial_shape": run.adapted}
         print_json(summary | shape | {"status": status})
     else:
-        _print_summary(summary, last, why if status == FINISHED else status)
+        _print_summary(run, summary, last, why if status == FINISHED else status)
     _draw(run, last)
     return EXIT_CODES[status]
 
 
-def _change(summary: dict[str, Any], why: str, t: float) -> str:
-    """How fast a cell that is not steady changes, and how to follow it further."""
-    from amoeboid.runs.words import change
+def _resuming(run: RunFolder) -> str:
+    """The command that continues a run."""
+    return f"amoeboid run --resume {shlex.quote(str(run.folder))}"
 
-    text = change(summary)
+
+def _change(run: RunFolder, summary: dict[str, Any], why: str, t: float) -> str:
+    """How fast a cell that is not steady changes, and how to follow it further."""
+    from amoeboid.runs.words import change, per_time
+    from amoeboid.studies.columns import text
+
+    p = run.config.parameters
+    words = change(summary, per_time(p))
     if why == "end of time":
-        folder = shlex.quote(summary["output"])
-        text += f"; to continue: amoeboid run --resume {folder} --set time.end={2 * t:g}"
-    return text
+        later = shlex.quote(f"time.end={text(p, 2 * t, 'T')}")
+        words += f"; to continue: {_resuming(run)} --set {later}"
+    return words
 
 
 def _started(args: argparse.Namespace) -> tuple[RunFolder, Step]:
-    from amoeboid.output.atomic import text_of
     from amoeboid.output.folder import new_folder, new_run
     from amoeboid.simulation.loop import start
 
-    config = Config()
+    document, folder = {}, None
     if args.config is not None:
-        config = anchored(
-            config_from_toml(text_of(args.config), repr(str(args.config))), args.config.parent
-        )
-    config = _until(with_settings(config, args.settings), args.until)
+        text, folder = text_for(args.config, "run"), args.config.parent
+        document = toml_document(text, repr(str(args.config)))
+    config = config_of(document, args.settings, args.physical, folder)
+    config = _until(config, args.until)
     first = start(config)
     run = new_run(new_folder(args.output), config, first.adapted)
-    _tell_adaptation(first, args.json)
+    _tell_adaptation(config, first, args.json)
     return run, first
 
 
@@ -154,10 +170,17 @@ def _until(config: Config, conditions: Sequence[str]) -> Config:
     return replace(config, time=replace(config.time, until=until))
 
 
-def _tell_adaptation(first: Step, as_json: bool) -> None:
-    """What was done to a shape from a file; that it was scaled stands in the JSON object."""
+def _tell_adaptation(config: Config, first: Step, as_json: bool) -> None:
+    """What was done to a shape from a file; that it was scaled stands in the JSON object.
+
+    With the number of nodes, which `mesh.subdivisions` decides only for a repaired surface.
+    """
     if first.adapted is None:
         return
+    in_vain = config.mesh != Mesh()
+    if not config.initial.repair and (in_vain or not as_json):
+        why = "; mesh.subdivisions has no effect without initial.repair=true" if in_vain else ""
+        tell("run", f"initial shape: {len(first.state.r)} nodes, those of the file{why}")
     scaling = None if as_json else first.adapted.scaling
     for text in (*first.adapted.repairs, *([scaling] if scaling else [])):
         tell("run", f"initial shape: {text}")
@@ -167,7 +190,13 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
     from amoeboid.runs.continuing import ended_already, least_end
 
-    config = _until(with_settings(stored_config(args.resume), args.settings), args.until)
+    config = stored_config(args.resume)
+    if args.physical and config.parameters.units is None:
+        raise InvalidInput(
+            f"--physical needs a run with units, that in {str(args.resume)!r} has none; leave it "
+            "out"
+        )
+    config = _until(with_settings(config, args.settings), args.until)
     if not has_checkpoint(args.resume):
         run, first = restarted_run(args.resume, config)
         ended = f"the run in {args.resume} had ended before its first checkpoint; it restarts"
@@ -176,46 +205,55 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
         return run, first
     run, first = resumed_run(args.resume, config)
     done = ended_already(first, run.config.time)
+
+    def shown(t: float) -> Any:
+        return config.parameters.quantity(t, "T")
+
     if done is not None:
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
-            f"the run in {str(args.resume)!r} has ended {done} at t = {first.state.t:g}; to "
+            f"the run in {str(args.resume)!r} has ended {done} at t = {shown(first.state.t):g}; to "
             f"continue, --set {remedy}"
         )
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
         raise InvalidInput(
-            f"to continue the run in {str(args.resume)!r}, time.end must be > {least:.9g}, got "
-            f"{run.config.time.end:.9g}; --set time.end to a later time"
+            f"to continue the run in {str(args.resume)!r}, time.end must be > {shown(least):.9g}, "
+            f"got {shown(run.config.time.end):.9g}; --set time.end to a later time"
         )
     run.begin()
     return run, first
 
 
 def _draw(run: RunFolder, last: Step) -> None:
+    import numpy as np
+
     from amoeboid.plotting.cell import save_cell_picture
     from amoeboid.plotting.trajectory import save_trajectory_picture
     from amoeboid.runs.words import environment
     from amoeboid.simulation.timeseries import position_columns
+    from amoeboid.studies.columns import magnitude, unit
 
-    times = [row["t"] for row in run.rows]
-    names = position_columns(run.units)
-    positions = [[row[k] for k in names] for row in run.rows]
-    R0 = last.model.parameters.R0
+    p, names = run.config.parameters, position_columns(run.units)
+    times = magnitude(p, np.array([row["t"] for row in run.rows]), "T")
+    positions = magnitude(p, np.array([[row[k] for k in names] for row in run.rows]), "L")
+    R0 = magnitude(p, p.R0, "L")
+    units = ("", "") if p.units is None else (unit(p, "L"), unit(p, "T"))
     drawn_together(
         "run",
         {
             run.folder / "trajectory.png": lambda file: save_trajectory_picture(
-                file, times, positions, R0, environment(run.config)
+                file, times, positions, R0, units, environment(run.config)
             ),
             run.folder / "cell.png": lambda file: save_cell_picture(file, last),
         },
     )
 
 
-def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
+def _print_summary(run: RunFolder, summary: dict[str, Any], last: Step, why: str) -> None:
     from amoeboid.observables import units as observable_units
-    from amoeboid.runs.words import stability
+    from amoeboid.runs.words import per_time, stability
+    from amoeboid.studies.columns import magnitude, text, unit
 
     meanings = {
         "max_retrograde_speed": "fastest flow along the surface",
@@ -224,13 +262,13 @@ def _print_summary(summary: dict[str, Any], last: Step, why: str) -> None:
         "zeta0": "membrane tension",
         "area_error": "relative change of the membrane area",
     }
-    known = observable_units(meanings)
-    units = {name: "" if known[name] == "1" else known[name] or "" for name in meanings}
+    p, known = run.config.parameters, observable_units(meanings)
+    units = {name: unit(p, dimension) for name, dimension in known.items()}
     rows = [(name, number(summary[name]), units[name], meanings[name]) for name in meanings]
     say(*table(("", "", "", ""), rows, "<<<<", width()))
-    say(stability(last))
+    say(stability(last, per_time(p), float(magnitude(p, 1.0, "1/T"))))
     if last.rest is None:
-        say(_change(summary, why, last.state.t))
-    t, wall = number(last.state.t, 4), number(summary["wall_s"], 3)
+        say(_change(run, summary, why, last.state.t))
+    t, wall = text(p, last.state.t, "T", ".4g"), number(summary["wall_s"], 3)
     say(f"{why} at t = {t}, {summary['steps']} steps, {wall} s")
     say(f"output in {summary['output']}: cell.png, frames.pvd (ParaView), timeseries.csv")

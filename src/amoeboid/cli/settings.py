@@ -12,9 +12,10 @@ from typing import Any
 
 from amoeboid.cli.output import say
 from amoeboid.cli.tables import width
-from amoeboid.config import Config, Initial, Mesh, Noise, Output, Time, with_settings
+from amoeboid.config import Config, with_settings
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import RELATIONS, Parameters
+from amoeboid.sections import Initial, Mesh, Noise, Output, Time
 from amoeboid.validation import InvalidInput, is_text, rule
 
 ANY_FIELD = ", or any other field of the configuration, such as time.end=50"
@@ -81,6 +82,11 @@ def number_or_quantity(text: str) -> float | str:
 def add_parameters(parser: argparse.ArgumentParser) -> None:
     """The same for a command that uses parameters alone, and `--physical`."""
     add_settings(parser, "")
+    add_physical(parser)
+
+
+def add_physical(parser: argparse.ArgumentParser) -> None:
+    """Declare --physical."""
     parser.add_argument(
         "--physical",
         action="store_true",

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli.documents import text_for
 from amoeboid.cli.exit_codes import FAILURE
 from amoeboid.cli.output import say, tell
 from amoeboid.cli.pictures import PLOT_FAILS, add_plot, check_picture, drawn
@@ -112,10 +113,9 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _read(path: Path) -> SweepDocument:
-    from amoeboid.output.atomic import text_of
     from amoeboid.sweeps.document import sweep_document
 
-    return sweep_document(text_of(path), repr(str(path)), path.parent)
+    return sweep_document(text_for(path, "sweep"), repr(str(path)), path.parent)
 
 
 def _computed(args: argparse.Namespace, document: SweepDocument, folder: Path) -> Sweep:

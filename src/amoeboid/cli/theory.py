@@ -45,7 +45,7 @@ def execute(args: argparse.Namespace) -> int:
 def _parameters(args: argparse.Namespace, found: Theory) -> dict[str, Any]:
     if not args.physical:
         return {"parameters": found.parameters.as_dict()}
-    from amoeboid.model.parameters import PAPER_CELL
+    from amoeboid.model.physical import PAPER_CELL
 
     units = {KEYS.get(name, name): found.unit(name) for name, _ in found.numbers()}
     return {

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from amoeboid.config import Config, Initial, Mesh, Time, polarization
+from amoeboid.config import Config, polarization
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.changes import Changes, Steps
 from amoeboid.model.cues import Cue
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.runs.meshes import Surface, placed_on
+from amoeboid.sections import Initial, Mesh, Time
 from amoeboid.simulation.loop import start
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput

@@ -16,7 +16,7 @@ from amoeboid.output.frames import frame_arrays
 from amoeboid.runs.run import Run
 from amoeboid.runs.stored import StoredFrames
 from amoeboid.runs.words import ASSUMED, environment
-from amoeboid.simulation.path import RecordedPath
+from amoeboid.simulation.path import MIGRATION, RecordedPath
 from amoeboid.studies.columns import magnitude, unit
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
@@ -98,7 +98,8 @@ class Job:
     @cached_property
     def environment(self) -> str:
         """The environment whose path positions are on, in words; empty for drag on the cortex."""
-        return environment(self.run.config)
+        known = set(MIGRATION) <= self.run.units.keys()
+        return environment(self.run.config) if known else ""
 
     @property
     def path_words(self) -> str:

@@ -14,7 +14,7 @@ from amoeboid.plotting.cell import NoPicture, save_picture
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import SHOWN
 from amoeboid.runs.stored import StoredFrames, StoredRun
-from amoeboid.runs.words import environment, stability
+from amoeboid.runs.words import environment, per_time, stability
 from amoeboid.studies.columns import text, unit
 from amoeboid.surface.cell import SurfaceCell
 from amoeboid.validation import InvalidInput
@@ -150,8 +150,7 @@ def _notes(run: Run, problems: list[str]) -> list[str]:
     if problems:
         return []
     p = run.parameters
-    per_time = "per unit time" if p.units is None else unit(p, "1/T")
-    return [stability(run.last, per_time, float(Job(run, "", range(0)).shown(1.0, "1/T")))]
+    return [stability(run.last, per_time(p), float(Job(run, "", range(0)).shown(1.0, "1/T")))]
 
 
 def _picture_path(run: Run, picture: str | os.PathLike[str] | None) -> Path | None:

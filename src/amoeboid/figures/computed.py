@@ -18,13 +18,13 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.closed_forms.branch import prediction
 from amoeboid.closed_forms.linear import critical_speed, growth_rate
 from amoeboid.closed_forms.points import infinite_pressure, points
-from amoeboid.config import Initial, Time
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
+from amoeboid.sections import Initial, Time
 from amoeboid.studies.branch import branch
 from amoeboid.studies.columns import quantity, text
 

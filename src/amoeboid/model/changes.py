@@ -231,7 +231,7 @@ class Changes(Mapping[str, Change]):
 
     def __init__(self, given: Mapping[str, Any] | None = None) -> None:
         self._changes: dict[str, Change] = {}
-        for name, found in _flat(given or {}).items():
+        for name, found in flat_changes(given or {}).items():
             if name in FIXED:
                 raise InvalidInput(
                     f"changes may name any parameter except {name}, got {name}, which sets the "
@@ -276,7 +276,7 @@ def _of_a_relation(name: str) -> bool:
     return bool(dot) and kind in RELATIONS
 
 
-def _flat(given: Mapping[str, Any]) -> dict[str, Any]:
+def flat_changes(given: Mapping[str, Any]) -> dict[str, Any]:
     """Names and values, where a file has tables such as `cue` within its section."""
     flat: dict[str, Any] = {}
     for name, found in given.items():
@@ -286,7 +286,7 @@ def _flat(given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _nested(flat: Mapping[str, Any]) -> dict[str, Any]:
-    """The tables that `_flat` reads."""
+    """The tables that `flat_changes` reads."""
     nested: dict[str, Any] = {}
     for name, found in flat.items():
         table, dot, own = name.partition(".")

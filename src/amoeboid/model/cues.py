@@ -66,6 +66,7 @@ class Cue:
         "transient local cues: v_p is multiplied by 1 + strength near a direction",
         POKE_RULE,
         lambda found: _pokes(found),
+        ("T", "T", "1", "1", "1", "1"),
     )
 
     def __post_init__(self) -> None:

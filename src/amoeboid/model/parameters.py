@@ -11,6 +11,7 @@ import numpy as np
 
 from amoeboid.display import html_table, shown
 from amoeboid.model.material import Material
+from amoeboid.model.physical import PAPER_CELL, SI, number_in, own_number, own_units
 from amoeboid.model.polymerization import NAMED_LAWS, LawField, law
 from amoeboid.model.specified import declared_dimension, refuse_unwritable
 from amoeboid.model.stress import (
@@ -18,50 +19,12 @@ from amoeboid.model.stress import (
     StressField,
     stress,
 )
-from amoeboid.model.units import Units, customary_unit, measured, quantity
+from amoeboid.model.units import Units, customary_unit, quantity
 from amoeboid.toml import toml_text
 from amoeboid.validation import InvalidInput, number, refuse_unknown, toml_document, validate
 
 # Range of `Parameters.rate`: fourth powers of time steps must be numbers.
 SLOWEST, FASTEST = 1e-60, 1e60
-
-
-# The cell of the paper's estimates (SI, section on parameters): the last column of its table, with
-# c_r = mu h for 8.5 umol/l of monomers in a cortex of 190 nm, and eta_b = eta_s.
-PAPER_CELL: dict[str, str] = {
-    "R0": "10 um",
-    "delta_P": "300 Pa",
-    "eta_s": "2.7 mPa s m",
-    "eta_b": "2.7 mPa s m",
-    "c0": "1370 / um^2",
-    "c_r": "8.5 umol/l * 190 nm",
-    "beta": "0.1 / s",
-    "D": "0.03 um^2/s",
-    "v_p0": "1.7 um/s",
-    "alpha": "0 Pa m^3",
-    "chi": "0 Pa m^3",
-    "kappa": "0 pN um",
-    "gamma_t": "0 Pa s/um",
-    "gamma_n": "0 Pa s/um",
-    "gamma_c": "0 Pa s/um",
-    "gamma_share": "0",
-    "law": "exponential",
-    "stress": "none",
-}
-
-EXAMPLES = {
-    "L": "10 um",
-    "M/(L T^2)": "300 Pa",
-    "M/T": "2.7 mPa s m",
-    "N/L^2": "1370 / um^2",
-    "1/T": "0.1 / s",
-    "L^2/T": "0.03 um^2/s",
-    "L/T": "1.7 um/s",
-    "M L^2/(T^2 N)": "4e-20 Pa m^3",
-    "M L^2/T^2": "0.2 pN um",
-    "M/(L^2 T)": "1 Pa s/um",
-    "1": "0.5",
-}
 
 
 class ParameterPoint(Material):
@@ -148,20 +111,15 @@ class Parameters(Material):
         plain, own = _split(given)
         relations: dict[str, Any] = {kind: plain.pop(kind) for kind in RELATIONS}
         si: dict[str, Any] = {
-            name: measured(name, value, DIMENSIONS[name], EXAMPLES[DIMENSIONS[name]])
-            for name, value in plain.items()
+            name: number_in(SI, value, DIMENSIONS[name], name) for name, value in plain.items()
         }
         cls(**si)  # refuses values out of range in the user's own numbers
-        units = _own_units(si)
+        units = own_units(si)
         values = {name: si[name] / units.of(DIMENSIONS[name]) for name in si}
         # By definition; dividing would leave rounding.
         values |= {"R0": 1.0, "eta_s": 1.0, "c_r": 1.0}
-        for kind, (make, named) in RELATIONS.items():
-            numbers = {
-                name: _own_number(f"{kind}.{name}", value, units, relations[kind], named)
-                for name, value in own[kind].items()
-            }
-            relations[kind] = make(relations[kind], numbers)
+        for kind, (make, _) in RELATIONS.items():
+            relations[kind] = make(relations[kind], _own(kind, own[kind], units, relations[kind]))
         return cls(**values, **relations, units=units)
 
     def quantity(self, value: Any, dimension: str) -> Any:
@@ -257,7 +215,7 @@ class Parameters(Material):
         dimension = DIMENSIONS.get(name)
         if self.units is None or dimension is None or isinstance(value, int | float | np.number):
             return value
-        return measured(name, value, dimension, EXAMPLES[dimension]) / self.units.of(dimension)
+        return number_in(self.units, value, dimension, name)
 
     def as_dict(self) -> dict[str, float | str]:
         """Plain numbers, and names of law and stress with their own numbers, in a fixed order."""
@@ -357,40 +315,19 @@ def _with_relations(values: Mapping[str, Any], base: Parameters) -> dict[str, An
     plain, own = _split(values)
     for kind, (make, _) in RELATIONS.items():
         if own[kind]:
-            plain[kind] = make(plain.get(kind, getattr(base, kind)), own[kind])
+            spec = plain.get(kind, getattr(base, kind))
+            numbers = own[kind] if base.units is None else _own(kind, own[kind], base.units, spec)
+            plain[kind] = make(spec, numbers)
     return plain
 
 
-def _own_number(name: str, value: Any, units: Units, spec: Any, named: Mapping[str, Any]) -> Any:
-    """A parameter of a law or stress in the units of a cell; numbers are so already."""
-    if isinstance(value, int | float):
-        return value
-    try:
-        return float(value)
-    except (TypeError, ValueError):
-        pass
-    dimension = declared_dimension(spec, named, name.partition(".")[2])
-    if dimension is None:
-        raise InvalidInput(
-            f"{name} must be a number in the units of the cell (R0, 1/beta, eta_s, c_r R0^2), "
-            f"because its dimension is unknown, got {value!r}"
-        )
-    return measured(name, value, dimension, EXAMPLES[dimension]) / units.of(dimension)
-
-
-def _own_units(si: Mapping[str, float]) -> Units:
-    if si["beta"] > 0:
-        time = 1 / si["beta"]
-    elif si["D"] > 0:
-        time = si["R0"] * si["R0"] / si["D"]
-    else:
-        raise InvalidInput("beta or D must be > 0 to set the unit of time, both are 0; raise one")
-    return Units(
-        length=si["R0"],
-        time=time,
-        mass=si["eta_s"] * time,
-        filaments=si["c_r"] * si["R0"] * si["R0"],
-    )
+def _own(kind: str, values: Mapping[str, Any], units: Units, spec: Any) -> dict[str, Any]:
+    """Own parameters of a law or stress as numbers in the units of a cell. Raises InvalidInput."""
+    _, named = RELATIONS[kind]
+    return {
+        name: own_number(f"{kind}.{name}", value, units, spec, named)
+        for name, value in values.items()
+    }
 
 
 def refuse_no_parameters(found: Any) -> None:

@@ -115,6 +115,22 @@ def measured(name: str, value: Any, dimension: str, example: str) -> float:
     return float(quantity.to(wanted).magnitude)
 
 
+def in_si(name: str, text: str) -> tuple[float, tuple[float, float, float]]:
+    """A quantity as a number of SI base units, and its powers of length, time and mass.
+
+    Raises InvalidInput, naming `name`, if it is no quantity or has other powers as well.
+    """
+    found = _counted(_parsed(name, text, "5 min"))
+    powers = dict(found.dimensionality)
+    known = tuple(float(powers.pop(f"[{base}]", 0)) for base in ("length", "time", "mass"))
+    if powers:
+        raise InvalidInput(
+            f"{name} must be a quantity of length, time and mass, got {text!r} "
+            f"({found.dimensionality})"
+        )
+    return float(found.to_base_units().magnitude), (known[0], known[1], known[2])
+
+
 def quantity(value: Any, dimension: str, units: Units) -> Any:
     """A number, or an array, of a dimension in the units of a cell as a quantity of pint.
 
@@ -140,6 +156,13 @@ def customary_unit(dimension: str) -> str:
     if len(below) > 1:
         return f"{unit}/({' '.join(below)})"
     return f"{unit}/{below[0]}" if below else unit
+
+
+@cache
+def customary_power(dimension: str) -> int:
+    """The power of ten of SI base units that `customary_unit` is: -6 for a length, in um."""
+    unit = _registry().parse_units(customary_unit(dimension))
+    return round(math.log10(float((1.0 * unit).to(_base_unit(dimension)).magnitude)))
 
 
 def in_unit(value: float, dimension: str, units: Units, unit: str) -> float:

@@ -6,16 +6,8 @@ import re
 from dataclasses import fields
 from typing import Any
 
-from amoeboid.motility.environments import (
-    Channel,
-    CortexDrag,
-    Environment,
-    Fluid,
-    Matrix,
-    Mixed,
-    Patch,
-    Plates,
-)
+from amoeboid.motility.contacts import Channel, Patch, Plates
+from amoeboid.motility.environments import CortexDrag, Environment, Fluid, Matrix, Mixed
 from amoeboid.validation import InvalidInput
 
 ENVIRONMENTS: dict[str, type[Environment]] = {

@@ -27,8 +27,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from amoeboid.assignments import SECTIONS
 from amoeboid.config import (
-    SECTIONS,
     Config,
     anchored,
     config_from_toml,
@@ -36,6 +36,7 @@ from amoeboid.config import (
     resolved,
 )
 from amoeboid.meshes.cells import InitialCell
+from amoeboid.model.units import Units, customary_unit
 from amoeboid.output.atomic import remove_partial, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
 from amoeboid.output.frames import FrameFiles, write_initial
@@ -49,6 +50,7 @@ from amoeboid.output.manifest import (
 )
 from amoeboid.output.reading import checked as checked_file
 from amoeboid.output.reading import text_in, within
+from amoeboid.output.scale import NO_DIMENSION
 from amoeboid.output.timeseries import TimeSeriesFile
 from amoeboid.output.versions import installed_versions
 from amoeboid.simulation.dense_output import Schedule
@@ -128,6 +130,8 @@ class RunFolder:
             raise InvalidInput(f"{str(frames)!r} must be a folder or not exist; remove it")
         self._lock.take()
         remove_partial(self.folder)
+        if self.rows:  # first the table: config.toml tells in which units it is
+            self.series.flush()
         write_text(self.folder / "config.toml", config_to_toml(self.given))
         self.write_manifest("running")
 
@@ -166,6 +170,11 @@ class RunFolder:
         finally:
             self._lock.release()
 
+    @property
+    def _units_in_timeseries(self) -> dict[str, str]:
+        units = {n: d for n, d in self.units.items() if d not in NO_DIMENSION}
+        return {name: customary_unit(str(dimension)) for name, dimension in units.items()}
+
     @cached_property
     def _versions(self) -> dict[str, str]:
         return installed_versions()
@@ -187,6 +196,7 @@ class RunFolder:
             **{s: self.config.section(s) for s in SECTIONS if s != "parameters"},
             **({} if self.adapted is None else {"initial_shape": self.adapted}),
             "units": self.units,
+            **({} if sizes is None else {"units_in_timeseries": self._units_in_timeseries}),
             **({} if sizes is None else {"unit_sizes": asdict(sizes)}),
             "seed": self.config.initial.seed,
             "versions": self._versions,
@@ -282,14 +292,27 @@ def _copy(source: Path, target: Path) -> None:
 
 def stored_config(folder: Path) -> Config:
     """The configuration of a stored run. Raises InvalidInput if the folder holds none."""
+    config = _written_config(folder)
+    units = config.parameters.units or unit_sizes(stored_manifest(folder))
+    return replace(config, parameters=replace(config.parameters, units=units))
+
+
+def table_units(folder: Path) -> Units | None:
+    """Size of the units of a stored run whose timeseries.csv is in um, s and the like.
+
+    None where its numbers are those of the solver: of a cell without units, or of a version that
+    stated the units in the manifest alone. Raises InvalidInput if the folder holds no run.
+    """
+    return _written_config(folder).parameters.units
+
+
+def _written_config(folder: Path) -> Config:
     path = folder / "config.toml"
     if not path.is_file():
         raise InvalidInput(
             f"--resume needs the folder of a run, {str(folder)!r} has no config.toml"
         )
-    config = config_from_toml(text_in(folder, "config.toml"), repr(str(path)))
-    units = unit_sizes(stored_manifest(folder))
-    return replace(config, parameters=replace(config.parameters, units=units))
+    return config_from_toml(text_in(folder, "config.toml"), repr(str(path)))
 
 
 def has_checkpoint(folder: Path) -> bool:
@@ -325,7 +348,7 @@ def resumed_run(
     manifest = stored_manifest(folder)
     try:
         saved = read_checkpoint(checked_file(folder, "checkpoint.npz"))
-        run.series.continued(saved.step, stored_units(manifest))
+        run.series.continued(saved.step, stored_units(manifest), table_units(folder))
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
             f"the run in {str(folder)!r} cannot be read: {error}; start a new one, from one of its "

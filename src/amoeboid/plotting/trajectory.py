@@ -22,19 +22,25 @@ DOT = 0.012
 
 
 def save_trajectory_picture(
-    path: Path, times: ArrayLike, positions: ArrayLike, R0: float, environment: str = ""
+    path: Path,
+    times: ArrayLike,
+    positions: ArrayLike,
+    R0: float,
+    units: tuple[str, str] = ("", ""),
+    environment: str = "",
 ) -> bool:
     """Draw positions (T, 3) at `times` (T,) to a PNG file; False, and no file, if it has not moved.
 
     `environment` says what resists the cell; empty: positions are those of `State.position`, with
     drag on the cortex alone. The view is along the
-    principal axes of the way, the longest to the right; the bar is so many R0 long.
+    principal axes of the way, the longest to the right; the bar is so many R0 long. `units` are
+    those of length and time, empty for plain numbers.
     """
     t, x = np.asarray(times, dtype=float), np.asarray(positions, dtype=float) / R0
     if np.linalg.norm(x - x[0], axis=1).max() < MIN_WAY:
         return False
     kept = np.unique(np.linspace(0, len(t) - 1, min(len(t), MAX_DOTS)).round().astype(int))
-    canvas = _drawn(t[kept], along_principal_axes(x)[kept], environment)
+    canvas = _drawn(t[kept], along_principal_axes(x)[kept], environment, R0, units)
     write_atomically(path, canvas.save)
     return True
 
@@ -47,8 +53,11 @@ def along_principal_axes(x: Array) -> Array:
     return np.asarray(along * np.where(along[-1] < 0, -1.0, 1.0))
 
 
-def _drawn(t: Array, way: Array, environment: str) -> Canvas:
-    """Two views of a way, (T, 3) in units of R0 along its principal axes."""
+def _drawn(t: Array, way: Array, environment: str, R0: float, units: tuple[str, str]) -> Canvas:
+    """Two views of a way, (T, 3) in units of R0 along its principal axes.
+
+    `units` are those of length and time, empty for plain numbers.
+    """
     canvas = Canvas(*WINDOW, (*np.eye(3),), np.zeros(3), 1.0)
     low, extent = way.min(axis=0), np.ptp(way, axis=0)
     scale = float(min(WIDTH / extent[0], HEIGHT / max(extent[1] + extent[2], 1e-9)))
@@ -65,8 +74,11 @@ def _drawn(t: Array, way: Array, environment: str) -> Canvas:
     where = f"in: {environment}" if environment else "if all drag is on its cortex, uniformly"
     title = f"trajectory of the cell {where}"
     canvas.text(canvas.share(0.5, 0.05), title, INK, 1.15 * FONT_SIZE)
-    _add_scale(canvas, scale, float(max(extent[0], 1.0)))
-    canvas.color_bar(float(t[0]), float(t[-1]), "time t [T] (dark dot: start)", FONT_SIZE)
+    length = round_length(0.25 * float(max(extent[0], 1.0)))
+    size = f" ({length * R0:.3g} {units[0]})" if units[0] else ""
+    _add_scale(canvas, scale, length, f"{length:g} R0{size}")
+    label = f"time t [{units[1] or 'T'}] (dark dot: start)"
+    canvas.color_bar(float(t[0]), float(t[-1]), label, FONT_SIZE)
     return canvas
 
 
@@ -82,10 +94,9 @@ def _add_way(canvas: Canvas, points: Array, t: Array) -> None:
     canvas.solid(points[0] + np.array([0.0, 0.0, 2.0]) + 1.6 * DOT * disk, INK)
 
 
-def _add_scale(canvas: Canvas, scale: float, longest: float) -> None:
-    """A bar of a round length in units of R0, at the lower right of the views."""
-    length = round_length(0.25 * longest)
+def _add_scale(canvas: Canvas, scale: float, length: float, text: str) -> None:
+    """A bar of a length in units of R0 with its text, at the lower right of the views."""
     end = np.array([0.5 * WIDTH, -0.48, 0.0])
     canvas.line(end - np.array([scale * length, 0.0, 0.0]), end, 0.012, INK)
     words = canvas.place(end - np.array([0.5 * scale * length, 0.06, 0.0]))
-    canvas.text(words, f"{length:g} R0", INK, FONT_SIZE)
+    canvas.text(words, text, INK, FONT_SIZE)

@@ -8,10 +8,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from amoeboid.config import Time
+from amoeboid.observables import units as observable_units
 from amoeboid.output.folder import RunFolder
 from amoeboid.runs.progress import Report, unreported
 from amoeboid.runs.snapshot import Snapshot
+from amoeboid.sections import Time
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import Event
 from amoeboid.simulation.loop import evolve
@@ -20,8 +21,10 @@ from amoeboid.simulation.step import Step
 from amoeboid.simulation.step_length import Diverged
 from amoeboid.simulation.timeseries import TimeSeries
 from amoeboid.simulation.writers import checked, finish, take
+from amoeboid.studies.columns import physical_number, unit
 
 SUMMARY = ("max_retrograde_speed", "c_front", "c_rear", "zeta0", "area_error")
+RATES = ("growth_rate", "growth_rate_error", "rate_of_change", "speed_growth")
 INTERRUPTION = "interrupted"
 FINISHED, DIVERGED, INTERRUPTED = "finished", "diverged", "interrupted"
 
@@ -103,7 +106,7 @@ def advance(
     except Diverged as error:
         status, why = DIVERGED, str(error)
     if why == INTERRUPTION:
-        status, why = INTERRUPTED, f"stopped at t = {last.state.t:.6g}"
+        status, why = INTERRUPTED, f"stopped at t = {shown_time(last):.6g}"
     into.save(last)
     return Outcome(last, status, why)
 
@@ -132,9 +135,12 @@ def advance_in_folder(
 
 
 def summary(rows: Sequence[Row], last: Step) -> dict[str, Any]:
-    """What a run led to; the latest row is that of `last`, whatever the observables of the run."""
-    row = rows[-1]
-    return {name: row[name] for name in SUMMARY if name in row} | {
+    """What a run led to; the latest row is that of `last`, whatever the observables of the run.
+
+    For a cell with units numbers are in those that `units` of it names.
+    """
+    row, p = rows[-1], last.model.parameters
+    found: dict[str, Any] = {name: row[name] for name in SUMMARY if name in row} | {
         "steps": last.number,
         "steady": last.steady,
         "stability": last.stability,
@@ -144,6 +150,19 @@ def summary(rows: Sequence[Row], last: Step) -> dict[str, Any]:
         "rate_of_change": last.rate * last.model.rate,
         "speed_growth": _speed_growth(rows, 1.0 / last.model.rate),
     }
+    if p.units is None:
+        return found
+    dimensions = observable_units(n for n in SUMMARY if n in row) | dict.fromkeys(RATES, "1/T")
+    for name, dimension in dimensions.items():
+        if found[name] is not None:
+            found[name] = physical_number(p, found[name], dimension)
+    units = {name: unit(p, dimension) for name, dimension in dimensions.items()}
+    return found | {"units": {name: word for name, word in units.items() if word}}
+
+
+def shown_time(step: Step) -> Any:
+    """The time of a step, with its unit if the cell has physical ones."""
+    return step.model.parameters.quantity(step.state.t, "T")
 
 
 def _speed_growth(rows: Sequence[Row], unit: float) -> float | None:

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from amoeboid.config import Config, Time, shortest_step
+from amoeboid.config import Config, shortest_step
+from amoeboid.sections import Time
 from amoeboid.simulation.events import Event, declared, events_of, reason
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
@@ -42,14 +43,19 @@ def ended_already(first: Step, time: Time, events: Sequence[Event] = ()) -> str 
 def check_continues(first: Step, time: Time, events: Sequence[Event] = ()) -> None:
     """Raise InvalidInput if a run that stands at a step would end at once."""
     why = ended_already(first, time, events)
+
+    def shown(t: float) -> Any:
+        return first.model.parameters.quantity(t, "T")
+
     if why:
         raise InvalidInput(
-            f"the run has ended at t = {first.state.t:g}: {why}; to continue, resume it until "
-            "another event, such as until=amoeboid.time(t)"
+            f"the run has ended at t = {shown(first.state.t):g}: {why}; to continue, resume it "
+            "until another event, such as until=amoeboid.time(t)"
         )
     least = least_end(first, time)
     if not time.end > least:
         raise InvalidInput(
-            f"to continue, the run must end after t = {least:.9g}, got {time.end:.9g}; resume it "
+            f"to continue, the run must end after t = {shown(least):.9g}, got "
+            f"{shown(time.end):.9g}; resume it "
             "with until=amoeboid.time(t) and a later t"
         )

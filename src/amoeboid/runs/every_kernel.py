@@ -17,12 +17,13 @@ from numba.core import config
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
-from amoeboid.config import Config, Initial, Mesh, Time, resolved
+from amoeboid.config import Config, resolved
 from amoeboid.meshes.remeshing import due
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import kept
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
+from amoeboid.sections import Initial, Mesh, Time
 from amoeboid.simulation.events import steady
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.simulation.step import Step

@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 
 from amoeboid.closed_forms.linear import base_tension
-from amoeboid.config import Config, Mesh, polarization
+from amoeboid.config import Config, polarization
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined
 from amoeboid.meshes.connectivity import narrow_numbering
 from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
+from amoeboid.sections import Mesh
 from amoeboid.validation import InvalidInput
 
 

@@ -8,7 +8,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from amoeboid.model.parameters import Parameters
 from amoeboid.simulation.rows import Row
+from amoeboid.studies.columns import magnitude, text
 from amoeboid.terminal import shown_line
 from amoeboid.validation import InvalidInput
 
@@ -22,7 +24,7 @@ def unreported(_: Row | None) -> None:
 
 
 @contextmanager
-def reported(start: float, end: float, after: float = 0.0) -> Iterator[Report]:
+def reported(start: float, end: float, p: Parameters, after: float = 0.0) -> Iterator[Report]:
     """A function that takes rows of the time series of a run from time `start` to `end`."""
     began = time.monotonic()
     with shown_line(after) as show:
@@ -32,7 +34,7 @@ def reported(start: float, end: float, after: float = 0.0) -> Iterator[Report]:
 
         def report(row: Row | None) -> None:
             if row is not None:
-                show(_parts(row, start, end, time.monotonic() - began))
+                show(_parts(row, start, end, time.monotonic() - began, p))
 
         yield report
 
@@ -47,7 +49,7 @@ def check_progress(progress: Any) -> None:
 
 
 @contextmanager
-def wanted(progress: Any, start: float, end: float) -> Iterator[Report]:
+def wanted(progress: Any, start: float, end: float, p: Parameters) -> Iterator[Report]:
     """What the keyword `progress` asks for: None, after a while; True, at once; False, nothing.
 
     It was checked by `check_progress`, before a run leaves anything in a folder.
@@ -57,18 +59,18 @@ def wanted(progress: Any, start: float, end: float) -> Iterator[Report]:
     elif callable(progress):
         yield lambda row: None if row is None else progress(dict(row))
     else:
-        with reported(start, end, 0.0 if progress else QUIET) as report:
+        with reported(start, end, p, 0.0 if progress else QUIET) as report:
             yield report
 
 
-def _parts(row: Row, start: float, end: float, elapsed: float) -> tuple[str, ...]:
+def _parts(row: Row, start: float, end: float, elapsed: float, p: Parameters) -> tuple[str, ...]:
     done = max(row["t"] - start, 0.0) / (end - start)
     left = elapsed * (1.0 / done - 1.0) if done > 0.0 else math.inf
     speed = row.get("max_retrograde_speed")
     return (
-        f"t = {row['t']:.4g} of at most {end:.6g}",
-        *([] if speed is None else [f"speed {speed:.4g}"]),
-        f"dt {row['dt']:.3g}",
+        f"t = {magnitude(p, row['t'], 'T'):.4g} of at most {text(p, end, 'T')}",
+        *([] if speed is None else [f"speed {text(p, speed, 'L/T', '.4g')}"]),
+        f"dt {text(p, row['dt'], 'T', '.3g')}",
         f"at most {_duration(left)} left",
     )
 

@@ -7,16 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from amoeboid.config import (
-    Config,
-    Initial,
-    Noise,
-    Output,
-    Time,
-    checked_noise,
-    configured,
-    resolved,
-)
+from amoeboid.config import Config, configured, resolved
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.model.changes import Changes
 from amoeboid.model.parameters import Parameters
@@ -36,6 +27,7 @@ from amoeboid.runs.progress import check_progress, wanted
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.runs.stored import StoredRun
+from amoeboid.sections import Initial, Noise, Output, Time, checked_noise
 from amoeboid.simulation.dense_output import Schedule
 from amoeboid.simulation.events import times_of
 from amoeboid.simulation.loop import start
@@ -239,7 +231,7 @@ def _solved(
     time = resolved(config).time
     with (
         interruptible_from_python() as interruption,
-        wanted(progress, first.state.t, time.end) as report,
+        wanted(progress, first.state.t, time.end, config.parameters) as report,
     ):
         events = [*events, interruption]
         if isinstance(into, RunFolder):

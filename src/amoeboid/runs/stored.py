@@ -16,10 +16,11 @@ from amoeboid.config import Config, resolved
 from amoeboid.display import html_table
 from amoeboid.model.parameters import Parameters
 from amoeboid.output.checkpoint import read_checkpoint
-from amoeboid.output.folder import resumed_run, stored_config
+from amoeboid.output.folder import resumed_run, stored_config, table_units
 from amoeboid.output.frame_reader import read_frame
 from amoeboid.output.manifest import stored_manifest, stored_units, told
 from amoeboid.output.reading import checked, text_in, within
+from amoeboid.output.scale import Scale
 from amoeboid.output.timeseries import read_table
 from amoeboid.runs.advance import INTERRUPTED, advance_in_folder
 from amoeboid.runs.continuing import check_continues, ended_by
@@ -29,6 +30,7 @@ from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.rows import Rows
 from amoeboid.simulation.step import Step
+from amoeboid.simulation.timeseries import column_units
 from amoeboid.validation import InvalidInput, path_of
 
 _ENTRY = re.compile(r'timestep="([^"]+)" part="0" file="frames/(frame_\d+\.vtp)"')
@@ -102,14 +104,21 @@ class StoredRun(Run):
 
     @cached_property
     def _table(self) -> tuple[dict[str, str | None], Rows]:
+        scale = Scale(table_units(self.folder))
+        known = {} if scale.units is None else self._dimensions
         try:
-            columns, rows = read_table(checked(self.folder, "timeseries.csv"))
+            path = checked(self.folder, "timeseries.csv")
+            columns, rows = read_table(path, units=known, scale=scale)
         except FileNotFoundError:
             return {}, Rows()
         except (OSError, InvalidInput) as error:
             raise InvalidInput(f"the run in {str(self.folder)!r} cannot be read: {error}") from None
-        units = stored_units(self.manifest)
-        return {name: units.get(name) for name in columns}, rows
+        return {name: self._dimensions.get(name) for name in columns}, rows
+
+    @cached_property
+    def _dimensions(self) -> dict[str, str | None]:
+        """Of the columns of a time series, also where the manifest is damaged."""
+        return column_units(None, self.config) | stored_units(self.manifest)
 
     @property
     def rows(self) -> Rows:
@@ -184,7 +193,7 @@ class StoredRun(Run):
         run.begin()
         with (
             interruptible_from_python() as interruption,
-            wanted(progress, first.state.t, run.config.time.end) as report,
+            wanted(progress, first.state.t, run.config.time.end, config.parameters) as report,
         ):
             outcome, _ = advance_in_folder(run, first, [*events, interruption], report)
         if outcome.status == INTERRUPTED:

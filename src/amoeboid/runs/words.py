@@ -11,7 +11,7 @@ from amoeboid.motility.environments import Environment
 from amoeboid.motility.words import FIRST_FIELD
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import environment_of
-from amoeboid.studies.columns import text
+from amoeboid.studies.columns import text, unit
 
 ASSUMED = "all drag on the cortex, uniformly"
 
@@ -72,7 +72,12 @@ def stability(last: Step, per_time: str = "per unit time", size: float = 1.0) ->
     return f"the state is unstable: its fastest perturbation grows at {rate}"
 
 
-def change(summary: dict[str, Any]) -> str:
+def per_time(p: Parameters) -> str:
+    """The unit of a rate in words."""
+    return "per unit time" if p.units is None else unit(p, "1/T")
+
+
+def change(summary: dict[str, Any], per_time: str = "per unit time") -> str:
     """How fast a cell that is not steady changes, from the summary of its run."""
     changes = number(summary["rate_of_change"], 3)
     text = f"shape or concentration changes at a relative rate of {changes}"
@@ -80,4 +85,4 @@ def change(summary: dict[str, Any]) -> str:
     if growth is not None:
         word = "grows" if growth > 0 else "falls"
         text += f", max_retrograde_speed {word} at {number(abs(growth), 3)}"
-    return f"{text} per unit time"
+    return f"{text} {per_time}"

@@ -40,7 +40,8 @@ def awaited(model: Model, t: float) -> str:
     until = model.inputs.until
     if until == math.inf:
         return "a parameter or cue changes with time until the end of the run"
-    return f"a parameter or cue changes until t = {until:g}"
+    shown = model.parameters.quantity(until, "T")
+    return f"a parameter or cue changes until t = {shown:g}"
 
 
 def input_units(config: Config) -> dict[str, str | None]:

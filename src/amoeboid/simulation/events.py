@@ -15,9 +15,9 @@ from numbers import Real
 from typing import Any
 
 from amoeboid.conditions import condition, holds
-from amoeboid.config import Time
 from amoeboid.model.parameters import Parameters
 from amoeboid.model.units import measured
+from amoeboid.sections import Time
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput
 

@@ -11,9 +11,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from amoeboid.config import Config, Noise, Time, resolved
+from amoeboid.config import Config, resolved
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.numerics.sparse import SingularMatrix
+from amoeboid.sections import Noise, Time
 from amoeboid.simulation.events import Event, events_of, reason
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.step_length import next_step

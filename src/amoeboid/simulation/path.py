@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.forces import friction
 from amoeboid.meshes.geometry import geometry
 from amoeboid.motility.balance import motion
 from amoeboid.motility.cells import surface_of_mesh
@@ -36,6 +37,16 @@ vector the rotation of the axes of the run, all in the axes of the laboratory; t
 of the axes of the run, in themselves."""
 
 SPEED = "migration_speed"
+
+
+class OwnFriction(Environment):
+    """The friction of the cell itself, gamma_t, gamma_n and gamma_c.
+
+    The force balance decides how the cell moves and rotates in its surroundings, whose axes are
+    those of the run.
+    """
+
+    name = "friction of the cell"
 
 
 def names(vector: str) -> list[str]:
@@ -65,21 +76,29 @@ def path_values(step: Step, environment: Environment, before: Mapping[str, float
     Raises InvalidInput for an environment that nothing in it resists.
     """
     turning = _turning(step)
-    found = motion(surface_of_mesh(step.cell, turning), environment)
-    axes_turning = found.angular_velocity - turning
-    position, axes = advanced(before, step.state.t, found.velocity, axes_turning)
-    velocity = axes @ found.velocity
+    relative, angular_velocity = _moving(step, environment, turning)
+    axes_turning = angular_velocity - turning
+    position, axes = advanced(before, step.state.t, relative, axes_turning)
+    velocity = axes @ relative
     speed = float(np.linalg.norm(velocity))
     least = MIN_SPEED_WITH_HEADING * step.model.rate * step.model.parameters.R0
     moves = speed > least
     vectors = {
         "migration": position,
         "migration_heading": velocity / speed if moves else np.zeros(3),
-        "migration_turning": axes @ found.angular_velocity,
+        "migration_turning": axes @ angular_velocity,
         "migration_axes": rotation_vector(axes),
         "migration_axes_turning": axes_turning,
     }
     return path_row(speed if moves else 0.0, vectors)
+
+
+def _moving(step: Step, environment: Environment, turning: Array) -> tuple[Array, Array]:
+    """Velocity (3,) and angular velocity (3,) of the cell in the axes of the run."""
+    if isinstance(environment, OwnFriction):
+        return friction.velocity(step.cell), turning
+    found = motion(surface_of_mesh(step.cell, turning), environment)
+    return found.velocity, found.angular_velocity
 
 
 def path_row(speed: float, vectors: Mapping[str, Array]) -> Row:

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.config import SHORTEST_STEP, Time
+from amoeboid.config import SHORTEST_STEP
 from amoeboid.numerics.sparse import SingularMatrix
+from amoeboid.sections import Time
 from amoeboid.simulation.changes import after_break, awaited, landed, next_stop
 from amoeboid.simulation.finish import solved_for
 from amoeboid.simulation.step import Step
@@ -58,7 +59,7 @@ def _explicit(step: Step, time: Time) -> Step:
         state, flow = explicit_step(model, step.state, length, step.flow)
         state = landed(state, stop, length == remaining)
     except (StepFailed, InvalidInput) as error:
-        raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {error}") from None
+        raise Diverged(f"{_place(step)}: {error}") from None
     return _accepted(step, model, (state, step.state), flow, time.max_step, 0)
 
 
@@ -96,7 +97,7 @@ def _semi_implicit(step: Step, time: Time) -> Step:
         next_dt = max(grown, dt) if length < dt else grown
         new = _accepted(step, model, (state, *past[: KEPT - 1]), flow, next_dt, rejected)
         return replace(new, tried=begun.tried)
-    raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
+    raise Diverged(f"{_place(step)}: {why}")
 
 
 def _noisy(step: Step, time: Time) -> Step:
@@ -120,7 +121,7 @@ def _noisy(step: Step, time: Time) -> Step:
         history = (landed(state, stop, lands), *past[: KEPT - 1])
         new = _accepted(step, model, history, flow, time.max_step, rejected)
         return replace(new, tried=begun.tried, noise_kept=kept)
-    raise Diverged(f"at t = {step.state.t:.6g}, step {step.number}: {why}")
+    raise Diverged(f"{_place(step)}: {why}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,6 +151,12 @@ def _begun(step: Step) -> _Begun:
     if not smooth:  # what was before tells nothing of what comes
         past, flow = (replace(present, angular_velocity=None),), None
     return _Begun(model, past, flow, tried, smooth, kept and smooth)
+
+
+def _place(step: Step) -> str:
+    """Where a run stands, in words."""
+    t = step.model.parameters.quantity(step.state.t, "T")
+    return f"at t = {t:.6g}, step {step.number}"
 
 
 def _to_stop(dt: float, remaining: float) -> tuple[float, bool]:

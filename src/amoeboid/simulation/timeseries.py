@@ -12,7 +12,7 @@ from amoeboid.motility.environments import Environment
 from amoeboid.observables import observed, selected
 from amoeboid.observables import units as observable_units
 from amoeboid.simulation.changes import input_units, input_values
-from amoeboid.simulation.path import MIGRATION, PATH_UNITS, path_values, recorded
+from amoeboid.simulation.path import MIGRATION, PATH_UNITS, OwnFriction, path_values, recorded
 from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.validation import InvalidInput, refuse_unknown
@@ -29,6 +29,8 @@ STEP_UNITS: dict[str, str | None] = {
     "rate": "1",
     **dict.fromkeys(POSITION, "L"),
 }
+
+FRICTIONS = ("gamma_t", "gamma_n", "gamma_c")
 
 # Of a run with shot noise: the share of it in a step that the nodes had filaments enough for.
 NOISE_KEPT = "noise_kept"
@@ -63,10 +65,14 @@ def column_units(
 def environment_of(config: Config | None) -> Environment | None:
     """The environment in which a run records its path; None if that is in every run.
 
-    Raises InvalidInput for quantities that the parameters have no units for.
+    If none is set, a cell with friction moves by that. Raises InvalidInput for quantities that the
+    parameters have no units for.
     """
-    if config is None or not recorded(config.environment):
+    if config is None:
         return None
+    if not recorded(config.environment):
+        lasting = not any(name in config.changes for name in FRICTIONS)
+        return OwnFriction() if config.parameters.has_friction and lasting else None
     return config.environment.settled(config.parameters.units)
 
 

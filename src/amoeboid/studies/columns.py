@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from amoeboid.arrays import Array
 from amoeboid.display import html_table
 from amoeboid.extras import needed
-from amoeboid.model.parameters import EXAMPLES, Parameters
-from amoeboid.model.units import customary_unit, in_unit, measured
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.physical import number_in
+from amoeboid.model.units import customary_unit, in_unit
 from amoeboid.validation import InvalidInput
 
 TABLE = "this table needs"
@@ -107,11 +108,9 @@ def number_of(p: Parameters, given: Any, dimension: str | None, shown: str) -> f
 
     Raises InvalidInput for a value that is not a number, or no quantity where p has physical units.
     """
-    zero = not isinstance(given, str) and np.isscalar(given) and given == 0
-    if p.units is None or dimension is None or dimension in NO_DIMENSION or zero:
+    if p.units is None or dimension is None or dimension in NO_DIMENSION:
         return _number(shown, given)
-    example = EXAMPLES.get(dimension, f"1 {customary_unit(dimension)}")
-    return measured(shown, given, dimension, example) / p.units.of(dimension)
+    return number_in(p.units, given, dimension, shown)
 
 
 def _number(label: str, given: Any) -> float:

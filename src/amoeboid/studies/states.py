@@ -15,11 +15,11 @@ from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.search import SteadySolutions, steady_solutions
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
 from amoeboid.axisymmetric.steady import SteadySolution
-from amoeboid.config import Mesh
 from amoeboid.display import html_picture, html_table, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
+from amoeboid.sections import Mesh
 from amoeboid.studies import observed
 from amoeboid.studies.columns import (
     Column,

@@ -8,7 +8,7 @@ import numpy as np
 
 from amoeboid.arrays import Array, Index
 from amoeboid.closed_forms.linear import base_tension
-from amoeboid.config import SHORTEST_STEP, Config, Initial
+from amoeboid.config import SHORTEST_STEP, Config
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.checks import Repairable, check_size, check_surface, joined, placed
 from amoeboid.meshes.connectivity import connectivity, narrow_numbering
@@ -19,6 +19,7 @@ from amoeboid.meshes.repair import repaired
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonic
+from amoeboid.sections import Initial
 from amoeboid.surface.equilibrium import flow_of, relaxed
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.linear import growth_rate
 from amoeboid.closed_forms.points import points
-from amoeboid.config import Noise
 from amoeboid.meshes.bending import TwoRings
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import equilateral_edge_length, volume_centroid
@@ -22,6 +21,7 @@ from amoeboid.model.cues import factor_of
 from amoeboid.model.inputs import Inputs
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import sparse
+from amoeboid.sections import Noise
 
 
 class Solvers:

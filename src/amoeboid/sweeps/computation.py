@@ -11,7 +11,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from amoeboid.config import SECTIONS, Config
+from amoeboid.assignments import SECTIONS
+from amoeboid.config import Config
 from amoeboid.identity.content import Unidentified, content, name_of
 from amoeboid.model.parameters import Parameters, refuse_unwritable_relations
 from amoeboid.output.versions import installed_versions

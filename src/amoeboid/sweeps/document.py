@@ -13,9 +13,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from amoeboid.assignments import SECTIONS
 from amoeboid.axisymmetric.lanes import jax
 from amoeboid.axisymmetric.steady import MODES
-from amoeboid.config import SECTIONS, Config, anchored, configured
+from amoeboid.config import Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.motility.words import environment
 from amoeboid.runs.branches import branch
@@ -206,7 +207,8 @@ def _branch(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:
 def _simulate(base: Parameters, given: Mapping[str, Any], folder: Path) -> Made:
     sections = [name for name in SECTIONS if name != "parameters"]
     refuse_unknown(given, ("name", *sections), "key", "in [solver] simulate")
-    return simulate, anchored(configured(Config(parameters=base), given), folder)
+    config = configured(Config(parameters=base), given, plain=base.units is None)
+    return simulate, anchored(config, folder)
 
 
 def _motility(base: Parameters, given: Mapping[str, Any], _: Path) -> Made:

@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.config import SECTIONS, Config, configured
+from amoeboid.assignments import SECTIONS
+from amoeboid.config import Config, configured
 from amoeboid.display import shown
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters, refuse_no_parameters
 from amoeboid.studies.columns import number_of

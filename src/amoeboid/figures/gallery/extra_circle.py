@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.config import Initial
 from amoeboid.figures import computed, sections
 from amoeboid.figures.drawing import SYMBOLS
 from amoeboid.figures.figure import Figure
@@ -23,6 +22,7 @@ from amoeboid.observables import OBSERVABLES
 from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK, ORANGE
 from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.solution import simulate
+from amoeboid.sections import Initial
 from amoeboid.simulation.events import time
 from amoeboid.simulation.timeseries import POSITION
 from amoeboid.studies.columns import Column, text

@@ -13,7 +13,8 @@ from amoeboid.figures.drawing import SYMBOLS
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of, label
-from amoeboid.model.parameters import PAPER_CELL, Parameters
+from amoeboid.model.parameters import Parameters
+from amoeboid.model.physical import PAPER_CELL
 from amoeboid.model.units import measured
 from amoeboid.plotting.palette import BLUE, GRAY, INK, ORANGE
 from amoeboid.studies.columns import text

@@ -22,12 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.config import Config, Mesh, Time
+from amoeboid.config import Config
 from amoeboid.figures.figure import Figure
 from amoeboid.figures.results import Results
 from amoeboid.figures.tables import FigureData, Table, column_of
 from amoeboid.model.parameters import Parameters
 from amoeboid.plotting.palette import BLUE, GRAY, INK, ORANGE, PALE, SKY
+from amoeboid.sections import Mesh, Time
 from amoeboid.simulation.loop import evolve, start
 from amoeboid.simulation.step import Step
 from amoeboid.studies.columns import Column, text
