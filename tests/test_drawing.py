@@ -129,8 +129,8 @@ def test_figures_do_not_depend_on_the_settings_of_the_user(suffix, tmp_path):
 @pytest.mark.parametrize(
     "backend",
     [
-        "module://matplotlib_inline.backend_inline",
-        pytest.param("nowhere", marks=pytest.mark.slow),
+        pytest.param("module://matplotlib_inline.backend_inline", marks=pytest.mark.slow),
+        "nowhere",
     ],
 )
 def test_the_environment_of_a_notebook_does_not_matter(backend, tmp_path):

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import pyvista as pv
 from benchmarks.kills import killed_runs
+from pyvista import get_reader
+from pyvista import read as opened
 
 from amoeboid.cli.main import main
 from amoeboid.config import (
@@ -64,7 +65,7 @@ def test_frames_open_in_pyvista_with_all_fields(tmp_path):
     assert times[0] == 0
     assert times[-1] == pytest.approx(1.5)
     assert all(b - a >= 0.4 * (1 - 1e-9) for a, b in pairwise(times[:-1]))
-    series = pv.get_reader(str(tmp_path / "run" / "frames.pvd"))
+    series = get_reader(str(tmp_path / "run" / "frames.pvd"))
     assert series.time_values == pytest.approx(times)
     series.set_active_time_value(series.time_values[-1])
     surface = series.read()[0]
@@ -318,9 +319,9 @@ def test_a_run_whose_mesh_has_changed_goes_on_as_the_uninterrupted_one(tmp_path)
 
 def frame_times(folder):
     """Times of the list of frames, of the frames themselves, and of the manifest if it is there."""
-    series = pv.get_reader(str(folder / "frames.pvd"))
+    series = get_reader(str(folder / "frames.pvd"))
     read = [
-        float(pv.read(folder / "frames" / f"frame_{k:05d}.vtp").field_data["t"][0])
+        float(opened(folder / "frames" / f"frame_{k:05d}.vtp").field_data["t"][0])
         for k in range(len(series.time_values))
     ]
     assert read == series.time_values

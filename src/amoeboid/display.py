@@ -19,7 +19,8 @@ MAX_REPR = 900
 
 PLAIN_UNITS = str.maketrans(
     {
-        "µ": "u",
+        "\u00b5": "u",  # the micro sign, and the Greek letter
+        "\u03bc": "u",
         "·": " ",
         "²": "^2",
         "³": "^3",

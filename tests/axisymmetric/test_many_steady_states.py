@@ -1,17 +1,22 @@
 """States of many cells side by side; JAX is an optional package."""
 
 import pickle
+from contextlib import contextmanager
 from dataclasses import replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
 import amoeboid as am
+from amoeboid.axisymmetric.many import Table, solved
 from amoeboid.axisymmetric.search import steady_solutions
-from amoeboid.axisymmetric.steady import homogeneous, steady_state
+from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, steady_state
 from amoeboid.axisymmetric.unknowns import resampled
 
-jax = pytest.importorskip("jax", reason="JAX is not installed: pip install 'amoeboid[gpu]'")
+pytestmark = pytest.mark.skipif(
+    find_spec("jax") is None, reason="JAX is not installed: pip install 'amoeboid[gpu]'"
+)
 
 
 def difference(state, other):
@@ -35,10 +40,13 @@ def with_as_many_modes(state, other):
 
 @pytest.fixture(scope="module")
 def few():
-    """A subcritical and a supercritical cell, one at rest, one below its fold, one next to it."""
+    """A subcritical and a supercritical cell, one at rest, one below its fold, one next to it.
+
+    More cells than lanes: each lane takes the next cell when it is done.
+    """
     return am.many_steady_states(
         am.points(am.Parameters(), D=[0.4, 0.4, 0.4, 0.4, 0.1], v_p0=[6.1, 4.0, 5.2, 5.2097, 5.0]),
-        progress=False, max_modes=32,
+        progress=False, max_modes=32, chunk=2,
     )  # fmt: skip
 
 
@@ -49,6 +57,35 @@ def test_states_side_by_side_are_those_of_one_at_a_time(few):
         other = fastest(state.parameters)
         assert difference(state, with_as_many_modes(state, other)) < 1e-9
         assert few["c_rear"][k] == pytest.approx(other.c_rear, rel=1e-8)
+
+
+@pytest.mark.slow
+def test_states_do_not_depend_on_the_number_of_lanes(few):
+    other = am.many_steady_states(few.points, progress=False, max_modes=32)
+    assert other.status.tolist() == few.status.tolist()
+    for name in ("c_rear", "max_retrograde_speed", "zeta0"):
+        np.testing.assert_allclose(other[name], few[name], rtol=1e-10)
+
+
+def test_progress_ends_with_all_cells(few):
+    told = []
+    solved(few.points, None, 32, 32, 2, lambda done, of: told.append((done, of)))
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+    assert told[-1] == (5, 5)
+
+
+def test_departure_of_cells_is_the_null_vector_of_the_jacobian_at_the_threshold():
+    """The critical mode in closed form, against the equations; friction moves the axial force."""
+    n, D = 16, [0.1, 0.4]
+    table = Table.made(am.points(am.Parameters(gamma_t=0.2, gamma_n=0.1), D=D))
+    for k in range(len(D)):
+        p = table.of.parameters(k).replace(v_p0=float(table.threshold[k]))
+        system = SteadySystem(p, n)
+        matrix = system.jacobian(homogeneous(p, n).x, np.zeros(0)) * system.scale
+        departure = np.zeros(3 * n + 3)
+        departure[[n - 1, 2 * n]] = table.cells.departure[k]
+        departure[-2] = -(matrix @ departure) @ matrix[:, -2] / (matrix[:, -2] @ matrix[:, -2])
+        assert np.abs(matrix @ departure).max() < 1e-12
 
 
 def test_every_cell_without_a_state_says_why(few):
@@ -85,6 +122,8 @@ def test_cells_that_come_to_the_sphere_from_a_start_are_told_as_such():
 
 
 def test_the_precision_of_the_users_own_arrays_stays(few):
+    import jax
+
     assert jax.numpy.ones(3).dtype == np.float32
 
 
@@ -177,3 +216,17 @@ def test_a_law_of_the_user_and_friction_side_by_side_as_one_at_a_time():
 def test_cells_with_and_without_friction_are_refused_together():
     with pytest.raises(am.InvalidInput, match="must have friction"):
         am.many_steady_states(am.points(am.Parameters(), gamma_t=[0.0, 0.1]), progress=False)
+
+
+def test_observables_of_many_states_show_progress(few, monkeypatch):
+    """They take longer than the states on an accelerator."""
+    shown = []
+
+    @contextmanager
+    def at_once(after):
+        yield lambda parts: shown.append(parts[0])
+
+    monkeypatch.setattr("amoeboid.studies.many.shown_line", at_once)
+    few.__dict__.pop("_known", None)
+    few["reduced_volume"]
+    assert shown == ["reduced_volume: 0 of 3 states"]

@@ -109,6 +109,7 @@ def test_figure_3d_is_accurate_and_of_second_order_whatever_the_poles(direction)
     assert orders(errors["c_rear"])[0] > 1.5
 
 
+@pytest.mark.slow
 def test_figure_3d_is_accurate_with_poles_of_valence_five():
     """162 and 642 nodes, within about 1.5 times the errors measured (1.0 % and 0.25 %)."""
     errors = errors_on(Parameters(D=0.4, v_p0=6.0), (2, 3), ALONG_VALENCE_FIVE)

@@ -11,8 +11,8 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-import pyvista as pv
 from PIL import Image
+from pyvista import get_reader, read
 
 import amoeboid as am
 from amoeboid import exports
@@ -59,10 +59,10 @@ def table(path, skip=0):
 def test_vtp_frames_are_those_of_the_run_where_the_cell_is(plain, tmp_path):
     files = plain.export(tmp_path / "out", "vtp")
     assert [file.name for file in files] == [*(n for _, n in plain.frames.entries), "frames.pvd"]
-    listed = pv.get_reader(str(tmp_path / "out/frames.pvd"))
+    listed = get_reader(str(tmp_path / "out/frames.pvd"))
     assert listed.time_values == plain.frames.times
     for file, frame in zip(files[:-1], plain.frames, strict=True):
-        found = pv.read(file)
+        found = read(file)
         position = frame.state.position
         np.testing.assert_allclose(found.points, frame.x + position, atol=1e-14)
         np.testing.assert_array_equal(found["c"], frame.c)
@@ -70,7 +70,7 @@ def test_vtp_frames_are_those_of_the_run_where_the_cell_is(plain, tmp_path):
         np.testing.assert_array_equal(found["retrograde_flow"], frame.retrograde_flow)
     assert np.linalg.norm(position) > 0.1  # the cell has moved
     plain.export(tmp_path / "centred", "vtp", follow=True)
-    centred = pv.read(tmp_path / "centred/frame_00002.vtp")
+    centred = read(tmp_path / "centred/frame_00002.vtp")
     np.testing.assert_allclose(centred.points, plain.frames[2].x, atol=1e-14)
 
 
@@ -83,7 +83,7 @@ def test_surfaces_are_read_back_as_the_cell(kind, tolerance, physical, tmp_path)
     np.testing.assert_allclose(
         found.r[found.faces], nodes[frame.faces], rtol=1e-12 + tolerance, atol=10 * tolerance
     )
-    mesh = pv.read(path)
+    mesh = read(path)
     assert mesh.volume == pytest.approx(frame.volume.to("um^3").magnitude, rel=1e-5)
     if kind == "ply":
         head, _, body = path.read_bytes().partition(b"end_header\n")

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import pyvista as pv
+from pyvista import read
 
 import amoeboid as am
 from amoeboid.cli.main import main
@@ -76,7 +76,7 @@ def test_every_format_puts_the_cell_on_the_path_in_its_environment(run, tmp_path
     place = run.trajectory[-1]
     drag = run.frames[-1].state.position
     assert np.linalg.norm(place - drag) > 0.1
-    vtp = pv.read(run.export(tmp_path / "last.vtp", frames=-1)[0])
+    vtp = read(run.export(tmp_path / "last.vtp", frames=-1)[0])
     np.testing.assert_allclose(vtp.points, run.final.x + place, atol=1e-12)
     np.testing.assert_array_equal(vtp.field_data["migration_position"], place)
     (spots,) = run.export(tmp_path / "spots.csv", "trackmate")
@@ -97,7 +97,7 @@ def test_every_format_puts_the_cell_on_the_path_in_its_environment(run, tmp_path
 
 
 def test_with_follow_the_cell_stays_at_the_origin_in_the_axes_of_the_run(run, tmp_path):
-    found = pv.read(run.export(tmp_path / "last.vtp", frames=-1, follow=True)[0])
+    found = read(run.export(tmp_path / "last.vtp", frames=-1, follow=True)[0])
     np.testing.assert_array_equal(found.points, run.final.x)
     np.testing.assert_array_equal(found["v"], run.final.v)
     assert "migration_position" not in found.field_data.keys()  # noqa: SIM118
@@ -115,7 +115,7 @@ def turned(run):
 
 def test_vectors_turn_with_the_nodes(turned, run, tmp_path):
     end = run.final
-    found = pv.read(turned.export(tmp_path / "last.vtp", frames=-1)[0])
+    found = read(turned.export(tmp_path / "last.vtp", frames=-1)[0])
     np.testing.assert_allclose(found.points, end.x @ QUARTER.T + turned.trajectory[-1], atol=1e-12)
     fields = {"v": end.v, "v_c": end.v_c, "v_p": end.v_p, "normal": end.normals}
     for name, field in (fields | {"retrograde_flow": end.retrograde_flow}).items():

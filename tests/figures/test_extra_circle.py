@@ -1,13 +1,17 @@
 """The circling cell: what is measured on a path, and the run against one without a mesh."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from amoeboid import Parameters, figures
 from amoeboid.figures.gallery import extra_circle
+from amoeboid.figures.results import Results
 from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.natural_units import in_units
 from amoeboid.model.units import Units
+from figures.drawn import drawn, lines
 
 OTHER_UNITS = Units(length=2.0, time=0.5, mass=3.0, filaments=7.0)
 TILTED = np.linalg.qr(np.array([[1.0, 0.2, 0.5], [0.1, 1.0, -0.3], [-0.4, 0.6, 1.0]]))[0]
@@ -95,6 +99,8 @@ def test_run_that_ends_before_it_turns_says_so(monkeypatch):
     assert not data["path"]["last_turn"].any()
     assert data["path"]["t"][-1] == 1.0
     assert len(np.unique(data["outlines"]["t"])) == extra_circle.OUTLINES
+    (axes,) = drawn(figures.extra_circle, data)
+    assert axes.get_legend() is None
 
 
 @pytest.mark.slow
@@ -112,3 +118,41 @@ def test_circle_is_that_of_the_relative_equilibrium_within_the_error_of_the_mesh
     path = data["path"]
     assert np.ptp(path["z"][path["last_turn"]]) < 0.02 * circle["radius"][0]
     assert np.ptp(path["turned"][path["last_turn"]]) == pytest.approx(2 * np.pi, abs=0.1)
+
+
+def made_up_run(p, subdivisions, end, outlines):
+    """A circle of radius 13 and 1.25 turns."""
+    turned = np.linspace(0.0, 2.5 * np.pi, 126)
+    t = turned / 0.17
+    path = 13.0 * np.column_stack([np.sin(turned), 1.0 - np.cos(turned), 0.0 * turned])
+    angle = np.linspace(0.0, 2.0 * np.pi, 13)
+    round_ = np.column_stack([np.cos(angle), np.sin(angle)])
+    pieces = [
+        [t[k], *(path[k, :2] + a), *(path[k, :2] + b), 2.0 + a[0]]
+        for k in (0, 60, 125)
+        for a, b in pairwise(round_)
+    ]
+    return {
+        "path": path.tolist(), "t": t.tolist(), "turned": turned.tolist(),
+        "speed": np.full(len(t), 13.0 * 0.17).tolist(), "whole": 25, "sections": pieces,
+        "status": "stopped", "ended": "parts of the cell meet",
+    }  # fmt: skip
+
+
+def test_drawing_shows_the_last_turn_about_the_center_of_the_reference(monkeypatch):
+    monkeypatch.setattr(extra_circle, "circling_run", made_up_run)
+    data = figures.extra_circle.data(results=Results())
+    circle = data["circle"]
+    np.testing.assert_allclose([circle[k][0] for k in ("radius", "turning")], [13.0, 0.17])
+    assert data.problems == ("the run ended early: parts of the cell meet",)
+    assert "error of this run: turning +3 %" in data.notes[-1]
+    (axes,) = drawn(figures.extra_circle, data)
+    (turn,) = (line for name, line in lines(axes).items() if "radius 13" in name)
+    np.testing.assert_allclose(np.hypot(turn[0], turn[1] - 13.0), 13.0)
+    (reference,) = (line for name, line in lines(axes).items() if "without mesh" in name)
+    np.testing.assert_allclose(np.hypot(reference[0], reference[1] - 13.0), 13.45, rtol=1e-9)
+    assert axes.get_aspect() == 1.0
+    without = figures.extra_circle.data(extra_circle.CIRCLES.replace(v_p0=7.0), Results())
+    assert "no solution without a mesh is known" in without.notes[-1]
+    (axes,) = drawn(figures.extra_circle, without)
+    assert not any("without mesh" in name for name in lines(axes))

@@ -8,6 +8,7 @@ import pytest
 from amoeboid import Parameters, figures
 from amoeboid.closed_forms.linear import critical_pressure, mode_onsets
 from amoeboid.model.parameters import DIMENSIONS
+from figures.drawn import drawn, lines
 from unit_systems import SYSTEMS
 
 
@@ -71,3 +72,21 @@ def test_rates_do_not_depend_on_units(data):
     for name, column in data["rates"].columns.items():
         size = units.of("L/T" if name == "v_p0" else "1/T")
         np.testing.assert_allclose(found[name] * size, column.values, rtol=1e-9, atol=1e-9)
+
+
+def test_dots_of_the_drawing_lie_where_the_lines_cross_zero(data):
+    for panel, name in zip(
+        drawn(figures.extra_modes, data), ("delta_P", "low delta_P"), strict=True
+    ):
+        found = lines(panel)
+        (dots,) = (line.get_xdata() for line in panel.lines if line.get_marker() == "o")
+        crossed = 0
+        for l in range(1, 7):
+            x, y = found[f"$l = {l}$"]
+            np.testing.assert_array_equal(y, data["rates"][f"lambda_{l} at {name}"])
+            crossing = x[np.flatnonzero(np.diff(y > 0.0))]
+            crossed += len(crossing)
+            for at in crossing:
+                assert np.abs(dots - at).min() < 1.01 * x[1]
+        assert len(dots) == crossed
+        assert panel.get_ylabel() == r"growth rate $λ_l$ [β]"

@@ -6,6 +6,7 @@ import pytest
 from amoeboid import Parameters, figures, migrate, steady_states
 from amoeboid.figures.gallery import extra_motility
 from amoeboid.figures.results import Results
+from figures.drawn import drawn, lines
 
 
 @pytest.fixture(scope="module")
@@ -46,6 +47,7 @@ def test_cell_without_units_has_no_published_speeds():
         patch.setattr(extra_motility, "STATES", 2)
         data = figures.extra_motility.data(Parameters(D=0.1))
     assert "published" not in data
+    assert not drawn(figures.extra_motility, data)[1].axison
 
 
 @pytest.mark.slow
@@ -56,3 +58,17 @@ def test_documented_speeds():
         "matrix:normal=0", "patch:30", "channel:30", "fluid", "matrix", "matrix:per_filament=true"
     )]  # fmt: skip
     np.testing.assert_allclose(found, [9.6, 8.7, 8.5, 6.4, 6.4, 6.2], atol=0.06)
+
+
+def test_drawing_has_a_line_for_each_environment_and_a_bar_for_each_published_speed(data):
+    left, right = drawn(figures.extra_motility, data)
+    found = lines(left)
+    for name, (words, *_) in extra_motility.ENVIRONMENTS.items():
+        np.testing.assert_array_equal(found[words][1], data["speeds"][name])
+    published = data["published"]
+    assert len(right.texts) == len(published["lowest"]) == 4
+    bars = [(bar.get_y(), bar.get_y() + bar.get_height()) for bar in right.patches]
+    np.testing.assert_allclose(
+        bars, np.column_stack([published["lowest"], published["highest"]])[:2], rtol=1e-12
+    )
+    assert left.get_ylim()[1] > published["highest"].max()

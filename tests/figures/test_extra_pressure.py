@@ -5,7 +5,10 @@ import pytest
 
 from amoeboid import InvalidInput, Parameters, figures
 from amoeboid.closed_forms.amplitude import cubic_coefficient
+from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.figures.gallery import extra_pressure
+from amoeboid.figures.results import Results
+from figures.drawn import drawn, lines
 
 
 def test_range_of_physical_cells_is_that_of_the_parameter_table():
@@ -45,3 +48,50 @@ def test_soft_cells_deform_more_and_lose_their_stability():
     line = np.interp(onset["delta_P"], data["theory"]["delta_P"], data["theory"][extra_pressure.NU])
     np.testing.assert_allclose(onset[extra_pressure.NU], line, rtol=5e-3)
     assert onset["fold_in_thresholds"][0] == pytest.approx(4.080373 / 6.0256611, abs=1e-6)
+
+
+def made_up_shapes(p, low, high):
+    pressure = np.geomspace(low, high, 7)
+    share = pressure / low
+    return {
+        "delta_P": pressure.tolist(),
+        "deformation": (0.2 / share).tolist(),
+        "aspect": (1.0 + 0.4 / share).tolist(),
+        "stable": [False, False, True, True, True, True, True],
+        "kind": ["state"] * 7,
+        "piece": [0] * 7,
+    }
+
+
+def made_up_onset(p):
+    """Without a fold at the lowest pressures."""
+    threshold = float(critical_speed(p))
+    known = p.delta_P > 10.0
+    return {
+        "fold": 0.9 * threshold if known else None,
+        "nu": float(cubic_coefficient(p.replace(delta_P=300.0))),
+        "problems": [] if known else ["no fold"],
+    }
+
+
+def test_drawing_leaves_out_folds_that_are_not_known_and_breaks_the_line_at_its_pole(monkeypatch):
+    monkeypatch.setattr(extra_pressure, "shapes", made_up_shapes)
+    monkeypatch.setattr(extra_pressure, "onset", made_up_onset)
+    data = figures.extra_pressure.data(results=Results())
+    low = data["onset"]["delta_P"] <= 10.0
+    assert 0 < low.sum() == len(data.problems) < extra_pressure.FOLDS
+    assert "no fold" in data.problems[0]
+    above, middle, below = drawn(figures.extra_pressure, data)
+    styles = {line.get_linestyle() for line in above.lines if len(line.get_xdata())}
+    assert styles == {"-", "--"}  # stable and unstable
+    folds = lines(middle)["fold"][1]
+    np.testing.assert_array_equal(np.isnan(folds), low)
+    np.testing.assert_allclose(folds[~low], 0.9, rtol=1e-12)
+    # the closed form diverges where modes 1 and 2 share a threshold: both sides, no line between
+    nu = lines(below)["theory"][1]
+    assert np.isnan(nu).any()
+    assert np.nanmax(np.abs(nu)) < extra_pressure.BROKEN * np.nanmax(
+        np.abs(data["onset"][extra_pressure.NU])
+    )
+    first, last = above.get_xlim()
+    assert first < extra_pressure.LOW < extra_pressure.HIGH < last

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from matplotlib.collections import PolyCollection
 
 from amoeboid import Parameters, figures
 from amoeboid.config import Config, Initial
@@ -15,6 +16,7 @@ from amoeboid.model.units import Units
 from amoeboid.observables import max_retrograde_speed
 from amoeboid.output.frame_reader import read_frame
 from amoeboid.simulation.loop import start
+from figures.drawn import drawn
 
 # By the axisymmetric solver, which has no mesh (`amoeboid steady --set D=0.4 --set v_p0=6`).
 SPECTRAL = {
@@ -147,6 +149,8 @@ def test_cell_below_the_threshold_has_no_arrows(monkeypatch):
     data = figures.fig3d.data(Parameters(D=0.4, v_p0=1.0))
     assert not data["nodes"]["arrow"].any()
     assert "does not move" in data.files["html"]
+    (axes,) = drawn(figures.fig3d, data)
+    assert not any("flow" in text.get_text() for text in axes.texts)
 
 
 def test_figure_does_not_depend_on_the_units(monkeypatch):
@@ -161,3 +165,16 @@ def test_figure_does_not_depend_on_the_units(monkeypatch):
             scene_of(other.files["html"])[key], scene_of(one.files["html"])[key], atol=2e-4
         )
     np.testing.assert_array_equal(one["nodes"]["arrow"], other["nodes"]["arrow"])
+
+
+def test_drawing_has_the_arrows_of_the_nearer_half_and_both_hemispheres(coarse):
+    (axes,) = drawn(figures.fig3d, coarse)
+    assert {"$v_\\mathrm{mig}$", "flow 1.82 $R_0$ β"} <= {text.get_text() for text in axes.texts}
+    colored = [
+        one
+        for one in axes.collections
+        if isinstance(one, PolyCollection) and one.get_array() is not None
+    ]
+    assert [one.get_alpha() for one in colored] == [0.25, 1.0, 1.0, 0.25]
+    c = coarse["nodes"]["c"]
+    assert all(one.get_clim() == (c.min(), c.max()) for one in colored)

@@ -8,6 +8,7 @@ from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.figures import computed
 from amoeboid.figures.gallery import s_alpha
 from amoeboid.figures.results import Results
+from figures.drawn import drawn, lines
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +67,21 @@ def test_cell_without_physical_units_has_no_estimate(monkeypatch):
     data = figures.s_alpha.data(Parameters(), Results())
     assert "estimates" not in data
     assert data["formula"]["derived"][0] == pytest.approx(float(critical_speed(Parameters())))
+
+
+def test_drawing_marks_the_estimates_on_their_lines(data):
+    (axes,) = drawn(figures.s_alpha, data)
+    found, estimates = lines(axes), data["estimates"]
+    marks = [line.get_data() for line in axes.lines if line.get_marker() == "s"]
+    for (x, y), key in zip(marks, ("printed", "derived"), strict=True):
+        assert float(x[0]) == pytest.approx(1e20 * estimates["alpha"][0])
+        assert np.interp(x, *found[f"as {key}"]) == pytest.approx(y, rel=1e-3)
+    assert {"1.77", "1.61"} <= {text.get_text() for text in axes.texts}
+    assert "10" in axes.get_xlabel()
+
+
+def test_drawing_of_a_cell_without_physical_units_has_no_estimates(monkeypatch):
+    monkeypatch.setattr(s_alpha, "ON_MESH", ())
+    (axes,) = drawn(figures.s_alpha, figures.s_alpha.data(Parameters(), Results()))
+    assert not [line for line in axes.lines if line.get_marker() == "s"]
+    assert axes.get_ylabel() == "threshold $v_p^c$ [$R_0$ β]"

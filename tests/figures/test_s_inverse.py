@@ -5,6 +5,7 @@ import pytest
 
 from amoeboid import figures
 from amoeboid.figures.results import Results
+from figures.drawn import drawn, lines
 
 
 @pytest.fixture(scope="module")
@@ -50,3 +51,18 @@ def test_window_is_the_same_share_of_both_thresholds(data):
     for law in ("exponential", "inverse"):
         shares = data[f"theory-{law}"]["v_p0"][[0, -1]] / data[f"threshold-{law}"]["v_p0"]
         np.testing.assert_allclose(shares, [0.9, 1.25])
+
+
+def test_drawing_shows_both_laws_from_their_thresholds_on(data):
+    (axes,) = drawn(figures.s_inverse, data)
+    found = lines(axes)
+    for law in ("exponential", "inverse"):
+        branch = data[f"branch-{law}"]
+        np.testing.assert_array_equal(
+            found[f"{law}, stable"], [branch["v_p0"], branch["max_retrograde_speed"]]
+        )
+    marks = [float(line.get_xdata()[0]) for line in axes.lines if line.get_marker() == "o"]
+    thresholds = [data[f"threshold-{law}"]["v_p0"][0] for law in ("exponential", "inverse")]
+    np.testing.assert_array_equal(marks, thresholds)
+    first, last = axes.get_xlim()
+    assert first < min(thresholds) < max(thresholds) < last

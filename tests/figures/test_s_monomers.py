@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from amoeboid import Parameters, figures
+from figures.drawn import drawn, lines
 
 MOL = 6.02214076e23
 PER_UM3 = MOL * 1e-6 * 1e-15  # 1 umol/l in monomers per um^3
@@ -59,3 +60,12 @@ def test_estimate_does_not_depend_on_units(data):
     for name in ("mu_bar", "exponential"):
         np.testing.assert_allclose(found["laws"][name], data["laws"][name], rtol=1e-12)
     assert math.isclose(found["points"]["v_p"][1], data["points"]["v_p"][1], rel_tol=1e-12)
+
+
+def test_drawing_marks_both_estimates_on_the_lines_of_their_laws(data):
+    (axes,) = drawn(figures.s_monomers, data)
+    found = lines(axes)
+    vivo = found[data["points"]["where"][1]]
+    assert np.interp(vivo[0], *found["exponential law"]) == pytest.approx(vivo[1], rel=1e-3)
+    assert np.interp(vivo[0], *found["inverse law"]) == pytest.approx(vivo[1], rel=1e-3)
+    assert axes.get_ylabel() == "polymerization speed $v_p$ [nm/s]"

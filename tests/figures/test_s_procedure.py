@@ -8,6 +8,7 @@ import pytest
 from amoeboid import Parameters, figures
 from amoeboid.figures.gallery import s_procedure
 from amoeboid.surface import explicit, stepping
+from figures.drawn import drawn
 
 
 @pytest.fixture(scope="module")
@@ -82,3 +83,12 @@ def test_figure_lists_both_schemes(monkeypatch):
     assert set(data["stages"]["scheme"]) == set(s_procedure.SCHEMES)
     assert data["stages"].unit("time") == "ms"
     assert "differ from run to run" in data.notes[-1]
+    panels = drawn(figures.s_procedure, data)
+    for panel, scheme in zip(panels, s_procedure.SCHEMES, strict=True):
+        rows = data["stages"]["scheme"] == scheme
+        boxes = [text.get_text() for text in panel.texts if text.get_family() == ["monospace"]]
+        names_ = [name.lstrip("_") for name in data["stages"]["function"][rows]]
+        assert [words.split(" ")[0] for words in boxes] == names_
+        words = {text.get_text() for text in panel.texts}
+        assert ("iteration" in words) == (scheme == "semi-implicit")
+        assert "time step" in words

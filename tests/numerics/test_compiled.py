@@ -158,6 +158,7 @@ def test_a_user_without_a_home_keeps_kernels_among_temporary_files(tmp_path, mon
     assert kept.folder().parents[1] == tmp_path / f"cache-{os.geteuid()}"
 
 
+@pytest.mark.slow
 def test_kernels_are_compiled_where_numba_is_switched_off():
     """Some exist as compiled code only."""
     code = (
@@ -183,6 +184,23 @@ def test_a_kernel_is_compiled_anew_once_what_it_calls_or_uses_has_changed():
     assert made(2.0, lambda x: x + 1) == same
     others = made(3.0, lambda x: x + 1), made(2.0, lambda x: x - 1), made(2.0, lambda x: x + 2)
     assert len({same, *others}) == 4
+
+
+def test_a_kept_kernel_is_loaded_without_what_numba_compiles_arrays_with(folder):
+    """Its import takes longer than to load all kernels of a run."""
+    code = (
+        "import sys\n"
+        "import numpy as np\n"
+        "from amoeboid.meshes.operators import normal_projection\n"
+        "from amoeboid.meshes.connectivity import connectivity, icosahedron\n"
+        "r, faces = icosahedron()\n"
+        "mesh = connectivity(faces)\n"
+        "found = normal_projection(np.ones(len(mesh.columns)), r, mesh)\n"
+        "print('numba.np.arrayobj' in sys.modules, found.sum().hex())\n"
+    )
+    first, second = (program(code, NUMBA_CACHE_DIR=str(folder)) for _ in range(2))
+    assert first.stdout.split()[0] == "True", first.stderr
+    assert second.stdout.split() == ["False", first.stdout.split()[1]], second.stderr
 
 
 def test_names_of_kernels_are_the_same_in_every_program():

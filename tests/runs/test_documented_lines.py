@@ -3,12 +3,15 @@
 import re
 from pathlib import Path
 
+import pytest
+
 import amoeboid as am
 
 PAGE = (Path(__file__).parents[2] / "docs/running.md").read_text(encoding="utf-8")
 LINES = PAGE.partition("## From Python")[2]
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_run(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     saved, names = dict(am.OBSERVABLES), {}

@@ -172,6 +172,7 @@ def test_persistence_of_too_few_headings_is_refused(whole):
         am.persistence([whole, other])
 
 
+@pytest.mark.slow
 def test_the_lines_of_the_page_run(tmp_path, monkeypatch):
     page = (Path(__file__).parents[2] / "docs/noise.md").read_text(encoding="utf-8")
     monkeypatch.chdir(tmp_path)

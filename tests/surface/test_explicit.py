@@ -146,6 +146,7 @@ def test_transient_approaches_that_of_the_semi_implicit_scheme():
     assert order > 1.5
 
 
+@pytest.mark.slow
 def test_steady_state_is_that_of_the_semi_implicit_scheme():
     """162 nodes at delta_P = 30: within the mesh error, and nothing but turnover feeds it."""
     model, rest = initial.sphere(SOFT, 2)

@@ -94,7 +94,7 @@ def test_growth_rate_of_sphere_matches_linear_theory(p, error):
     [
         pytest.param(STIFF, 0.01, id="stiff"),
         pytest.param(SOFT, 0.09, id="soft", marks=pytest.mark.slow),
-        pytest.param(TURNS, 0.16, id="turns"),
+        pytest.param(TURNS, 0.16, id="turns", marks=pytest.mark.slow),
         pytest.param(NO_TURNOVER, 0.02, id="no turnover", marks=pytest.mark.slow),
     ],
 )

@@ -267,7 +267,7 @@ def transients(delta_P, counts, compared=1):
 
 
 def test_the_step_is_second_order_in_time():
-    counts = (40, 80, 160, 1280)
+    counts = (40, 80, 160, 640)
     orders = measured_orders(transients(300.0, counts), counts)
     assert abs(orders["c"] - 2) < 0.2
     assert abs(orders["shape"] - 2) < 0.2

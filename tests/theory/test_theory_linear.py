@@ -58,7 +58,7 @@ def test_energy_variation_is_tension_times_curvature_minus_pressure():
     assert abs(both[0]) > 0.1
 
 
-@pytest.mark.parametrize("l", [1, 2, 3, 4, 5])
+@pytest.mark.parametrize("l", [1, 2, *(pytest.param(l, marks=pytest.mark.slow) for l in (3, 4, 5))])
 def test_growth_rate_is_derived_from_the_tangential_force_balance(l):
     psi, w, q = model.flow_potential_of_mode(l)
     L = l * (l + 1)
@@ -75,7 +75,8 @@ def test_growth_rate_is_derived_from_the_tangential_force_balance(l):
         )
 
 
-@pytest.mark.parametrize("l", [2, *(pytest.param(l, marks=pytest.mark.slow) for l in (3, 4))])
+@pytest.mark.slow  # test_forces.py derives it, with friction, in another way
+@pytest.mark.parametrize("l", [2, 3, 4])
 def test_finite_pressure_matrix_is_derived_on_the_deformed_sphere(l):
     derived = model.linear_dynamics(l)
     for p in POINTS:

@@ -16,7 +16,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from amoeboid.axisymmetric.spectral import grid
-from amoeboid.axisymmetric.steady import FRICTION, recorded_equations, strong_units
+from amoeboid.axisymmetric.steady import (
+    FRICTION,
+    equation_counts,
+    recorded_equations,
+    strong_units,
+    unknown_counts,
+)
 from amoeboid.axisymmetric.unknowns import Fields, maps_of, unknown_count
 from amoeboid.extras import needed
 from amoeboid.model.parameters import ParameterPoint
@@ -41,6 +47,8 @@ UNPOLARIZED = 1e-6
 """First harmonic of c, in units of c0, up to which a state is the sphere."""
 LONG = 10.0
 """A Newton step longer than this leads nowhere."""
+PLACES_AT_A_TIME = 4096
+"""Cells for which the nearest one is looked for at a time."""
 SAMPLES = 64
 """Points of a step of the branch at which the value asked for is looked for."""
 
@@ -68,13 +76,36 @@ class Lane(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """What belongs to each lane: parameters (lanes, 1), scales, v_p0/threshold and threshold."""
+    """What belongs to each cell: parameters (cells, 1), v_p0/threshold and the threshold (cells,).
+
+    Typical magnitudes of the kinds of equations (cells, 5) and of unknowns (cells, 7). The scaled
+    sphere at the threshold: c, length scale and tension (cells, 3). The scaled unit tangent of the
+    branch that leaves it: u of sin(x) and c of cos(x) (cells, 2).
+    """
 
     numbers: Mapping[str, Any]
-    row_scales: Any
-    scale: Any
+    by_equation: Any
+    by_unknown: Any
+    sphere: Any
+    departure: Any
     target: Any
     threshold: Any
+
+
+class Work(NamedTuple):
+    """The lanes, the cell in each (`here`; none: the number of cells), and all cells.
+
+    Those from `waiting` on have not begun. `z` (cells, unknowns): where a cell starts at its v_p0
+    as long as it waits, then where it ended; `doing` and `total` (cells,): how, and after how many
+    Newton steps.
+    """
+
+    lane: Lane
+    here: Any
+    waiting: Any
+    z: Any
+    doing: Any
+    total: Any
 
 
 @dataclass(frozen=True)
@@ -95,21 +126,23 @@ class Problem:
     def residual(self, z: Any, q: Any, cells: Cells) -> Any:
         """Scaled residuals (lanes, equations)."""
         of = recorded_equations(self.n, self.present)
-        inputs = self._inputs(z * cells.scale, q, cells, self.n)
-        return lanes.residual(of, inputs, _jnp()) / cells.row_scales
+        inputs = self._inputs(z * self._scale(cells), q, cells, self.n)
+        return lanes.residual(of, inputs, _jnp()) / self._row_scales(cells)
 
     def residual_and_jacobian(self, z: Any, q: Any, cells: Cells) -> tuple[Any, Any]:
         """The same with its derivatives to z."""
         of = recorded_equations(self.n, self.present)
-        inputs = self._inputs(z * cells.scale, q, cells, self.n)
+        scale, row_scales = self._scale(cells), self._row_scales(cells)
+        inputs = self._inputs(z * scale, q, cells, self.n)
         f, f_x = lanes.residual_and_jacobian(of, inputs, _jnp(), jax().lax.optimization_barrier)
-        f_z = f_x * cells.scale[:, None, :] / cells.row_scales[:, :, None]
-        return f / cells.row_scales, f_z
+        return f / row_scales, f_x * scale[:, None, :] / row_scales[:, :, None]
 
     def strong_residual(self, z: Any, q: Any, cells: Cells) -> Any:
         """That of `steady.strong_residual` (lanes,)."""
         jnp, n, m = _jnp(), self.n, 3 * self.n
-        psi, u, c, scalars = jnp.split(z * cells.scale, [n - 1, 2 * n - 1, 3 * n - 1], axis=1)
+        psi, u, c, scalars = jnp.split(
+            z * self._scale(cells), [n - 1, 2 * n - 1, 3 * n - 1], axis=1
+        )
         longer = [jnp.pad(a, ((0, 0), (0, m - n))) for a in (psi, u, c)]
         slack = 2 if self.present.isdisjoint(FRICTION) else 3
         x = jnp.concatenate([*longer, scalars.at[:, slack:].set(0.0)], axis=1)
@@ -122,7 +155,32 @@ class Problem:
 
     def lowest(self, z: Any, cells: Cells) -> Any:
         """Lowest concentration of each lane at the points (lanes,)."""
-        return _jnp().min(_fields(z * cells.scale, self.n)["c"], axis=1)
+        return _jnp().min(_fields(z * self._scale(cells), self.n)["c"], axis=1)
+
+    def begun(self, z: Any, cells: Cells, following: bool) -> Lane:
+        """Lanes along the branch from their thresholds, or at the v_p0 asked for from z."""
+        jnp, zero = _jnp(), _jnp().zeros_like(cells.target)
+        count, none = zero.astype(int), jnp.zeros_like(z)
+        if not following:
+            return Lane(
+                z=z, q=cells.target, z0=z, q0=cells.target, z_tangent=none, q_tangent=zero,
+                step=zero, count=count, total=count, last=zero, doing=count + AT_SPEED,
+                alone=zero == 0,
+            )  # fmt: skip
+        n = self.n
+        sphere = none.at[:, jnp.array([2 * n - 1, 3 * n - 1, 3 * n])].set(cells.sphere)
+        tangent = none.at[:, jnp.array([n - 1, 2 * n])].set(cells.departure)
+        return Lane(
+            z=sphere + FIRST_STEP * tangent, q=zero + 1.0, z0=sphere, q0=zero + 1.0,
+            z_tangent=tangent, q_tangent=zero, step=zero + FIRST_STEP, count=count, total=count,
+            last=zero, doing=count + FOLLOWING, alone=zero > 0,
+        )  # fmt: skip
+
+    def _scale(self, cells: Cells) -> Any:
+        return _spread(cells.by_unknown, unknown_counts(self.n))
+
+    def _row_scales(self, cells: Cells) -> Any:
+        return _spread(cells.by_equation, equation_counts(self.n))
 
     def _inputs(self, x: Any, q: Any, cells: Cells, n: int) -> _Inputs:
         numbers = {**cells.numbers, "v_p0": (q * cells.threshold)[:, None]}
@@ -173,6 +231,13 @@ def _fields(x: Any, n: int) -> dict[str, Any]:
     return found | {"psi": found["psi"] + grid(n).x, "psi_slope": found["psi_slope"] + 1.0}
 
 
+def _spread(each: Any, counts: list[int]) -> Any:
+    """Every column as many times as it counts."""
+    jnp, lanes_ = _jnp(), each.shape[0]
+    columns = [jnp.broadcast_to(each[:, k : k + 1], (lanes_, m)) for k, m in enumerate(counts)]
+    return jnp.concatenate(columns, axis=1)
+
+
 def jax() -> Any:
     """The module of JAX. Raises InvalidInput where it is not installed."""
     return needed("jax", "steady states of many cells side by side need")
@@ -194,6 +259,18 @@ def advance(problem: Problem) -> Callable[[Lane, Cells], Lane]:
 
 
 @lru_cache(maxsize=16)
+def refilled(problem: Problem, following: bool) -> Callable[[Work, Cells], tuple[Work, Cells, Any]]:
+    """A compiled function that takes lanes that are done out and gives them the next cells.
+
+    Besides the work it returns what belongs to the lanes, and three numbers: the lanes that are
+    busy, the cells that have begun, and those of them that were FOUND. The work that it is given is
+    used up.
+    """
+    return jax().jit(lambda work, cells: _refilled(problem, following, work, cells),
+                     donate_argnums=0)  # fmt: skip
+
+
+@lru_cache(maxsize=16)
 def checked(problem: Problem) -> Callable[[Any, Any, Cells], tuple[Any, Any]]:
     """A compiled function: strong residual and lowest concentration of each lane."""
     return jax().jit(
@@ -202,6 +279,69 @@ def checked(problem: Problem) -> Callable[[Any, Any, Cells], tuple[Any, Any]]:
             problem.lowest(z, cells),
         )
     )
+
+
+def nearest(places: Any, known: Any) -> Any:
+    """For each of the places (cells, axes) the index of the nearest of the known ones."""
+    return _nearest()(places, known)
+
+
+@lru_cache(maxsize=1)
+def _nearest() -> Callable[[Any, Any], Any]:
+    jnp = _jnp()
+
+    def of_one(place: Any, known: Any) -> Any:
+        return jnp.argmin(jnp.sum((known - place) ** 2, axis=1))
+
+    return jax().jit(
+        lambda places, known: jax().lax.map(
+            lambda place: of_one(place, known), places, batch_size=PLACES_AT_A_TIME
+        )
+    )
+
+
+def emptied(problem: Problem, lanes_: int, z: Any) -> Work:
+    """No lane with a cell, and all cells waiting; `z` (cells, unknowns) is where they start."""
+    jnp, count = _jnp(), z.shape[0]
+    whole, none = jnp.zeros(lanes_, dtype=int), jnp.zeros((lanes_, problem.size))
+    numbers = jnp.zeros(lanes_)
+    lane = Lane(
+        z=none, q=numbers, z0=none, q0=numbers, z_tangent=none, q_tangent=numbers, step=numbers,
+        count=whole, total=whole, last=numbers, doing=whole + OUTSIDE, alone=whole > 0,
+    )  # fmt: skip
+    begun, doing, total = jnp.array(0), jnp.zeros(count, dtype=int), jnp.zeros(count, dtype=int)
+    # a copy of each, since the work is used up
+    return jax().tree.map(jnp.copy, Work(lane, whole + count, begun, jnp.asarray(z), doing, total))
+
+
+def on_device(cells: Cells) -> Cells:
+    """The same where JAX computes."""
+    return jax().tree.map(_jnp().asarray, cells)
+
+
+def some(cells: Cells, which: Any) -> Cells:
+    """What belongs to these cells."""
+    return jax().tree.map(lambda x: x[which], cells)
+
+
+def _refilled(
+    problem: Problem, following: bool, work: Work, cells: Cells
+) -> tuple[Work, Cells, Any]:
+    jnp, lane, count = _jnp(), work.lane, work.z.shape[0]
+    vacant = lane.doing >= FOUND
+    done = jnp.where(vacant, work.here, count)  # beyond the last: dropped
+    z = work.z.at[done].set(lane.z, mode="drop")
+    doing = work.doing.at[done].set(lane.doing, mode="drop")
+    total = work.total.at[done].set(lane.total, mode="drop")
+    following_ = work.waiting + jnp.cumsum(vacant) - 1
+    here = jnp.where(vacant, jnp.minimum(following_, count), work.here)
+    waiting = jnp.minimum(work.waiting + jnp.sum(vacant), count)
+    at = jnp.minimum(here, count - 1)
+    lanes_cells = some(cells, at)
+    begun = problem.begun(z[at], lanes_cells, following)
+    lane = _where(vacant & (here < count), begun, lane)
+    numbers = jnp.array([jnp.sum(here < count), waiting, jnp.sum(doing == FOUND)])
+    return Work(lane, here, waiting, z, doing, total), lanes_cells, numbers
 
 
 def _weights(problem: Problem) -> Any:
@@ -217,29 +357,30 @@ def _bordered(f_z: Any, f_q: Any, row: Any) -> Any:
 
 
 def _stepped(problem: Problem, at: Lane, cells: Cells) -> Lane:
-    """One Newton step in every lane, and what follows from it."""
+    """A Newton step and a chord step with its matrix in every lane, and what follows from them."""
     jnp, weights = _jnp(), _weights(problem)
     fixed = at.doing == AT_SPEED
-    row = jnp.concatenate([weights * at.z_tangent, at.q_tangent[:, None]], axis=1)
-    only_q = jnp.zeros(problem.size + 1).at[-1].set(1.0)
-    row = jnp.where(fixed[:, None], only_q, row)
-    behind = jnp.sum(weights * at.z_tangent * (at.z - at.z0), axis=1)
-    behind = behind + at.q_tangent * (at.q - at.q0) - at.step
-    behind = jnp.where(fixed, at.q - cells.target, behind)
     f, f_z = problem.residual_and_jacobian(at.z, at.q, cells)
     _, f_q = jax().jvp(lambda q: problem.residual(at.z, q, cells), (at.q,), (jnp.ones_like(at.q),))
-    right = jnp.zeros((*f.shape[:1], problem.size + 1, 2))
-    right = right.at[:, :-1, 0].set(-f).at[:, -1, 0].set(-behind).at[:, -1, 1].set(1.0)
-    solved = jnp.linalg.solve(_bordered(f_z, f_q, row), right)
+    row, behind = _condition(problem, at, cells)
+    solve = _factorized(_bordered(f_z, f_q, row))
+    ahead = jnp.zeros((*f.shape[:1], problem.size + 1)).at[:, -1].set(1.0)
+    solved = solve(jnp.stack([_joined(-f, -behind), ahead], axis=2))
     change, tangent = solved[:, :, 0], solved[:, :, 1]
     length = jnp.sqrt(jnp.mean(change**2, axis=1))
-    size = jnp.sqrt(jnp.mean(f**2, axis=1))
     good = jnp.isfinite(length) & (length < LONG)
     good &= (at.count < MAX_NEWTON) & ((at.count < 2) | (length < 2 * at.last))
     moved = at._replace(
         z=at.z + change[:, :-1], q=at.q + change[:, -1], count=at.count + 1, last=length
     )
-    arrived = good & (length <= jnp.where(fixed, CLOSE, NEAR)) & (~fixed | (size <= SMALL))
+    f = problem.residual(moved.z, moved.q, cells)
+    chord = solve(_joined(-f, -_condition(problem, moved, cells)[1])[:, :, None])[:, :, 0]
+    left = jnp.sqrt(jnp.mean(chord**2, axis=1))
+    nearer = left < length  # not where Newton's method is still far away
+    chord = jnp.where(nearer[:, None], chord, 0.0)
+    moved = moved._replace(z=moved.z + chord[:, :-1], q=moved.q + chord[:, -1])
+    small = nearer & (left <= jnp.where(fixed, CLOSE, NEAR))
+    arrived = good & small & (~fixed | (jnp.sqrt(jnp.mean(f**2, axis=1)) <= SMALL))
     norm = jnp.sqrt(jnp.sum(weights * tangent[:, :-1] ** 2, axis=1) + tangent[:, -1] ** 2)
     tangent = tangent / norm[:, None]
     done = _where(arrived & fixed, _ended(problem, moved, tangent), moved)
@@ -250,6 +391,38 @@ def _stepped(problem: Problem, at: Lane, cells: Cells) -> Lane:
     late = (done.total >= MAX_STEPS) & (done.doing < FOUND)
     done = done._replace(doing=jnp.where(late, STALLED, done.doing))
     return _where(at.doing >= FOUND, at, done)
+
+
+def _condition(problem: Problem, at: Lane, cells: Cells) -> tuple[Any, Any]:
+    """The last equation: that of the arc from the last point, or the v_p0 asked for.
+
+    Its derivatives (lanes, unknowns + 1) and its residual (lanes,).
+    """
+    jnp, weights = _jnp(), _weights(problem)
+    fixed = at.doing == AT_SPEED
+    row = _joined(weights * at.z_tangent, at.q_tangent)
+    only_q = jnp.zeros(problem.size + 1).at[-1].set(1.0)
+    behind = jnp.sum(weights * at.z_tangent * (at.z - at.z0), axis=1)
+    behind = behind + at.q_tangent * (at.q - at.q0) - at.step
+    return jnp.where(fixed[:, None], only_q, row), jnp.where(fixed, at.q - cells.target, behind)
+
+
+def _joined(z: Any, q: Any) -> Any:
+    return _jnp().concatenate([z, q[:, None]], axis=1)
+
+
+def _factorized(matrix: Any) -> Callable[[Any], Any]:
+    """The solution of linear systems (lanes, size, columns) with these matrices."""
+    jnp, linear = _jnp(), jax().lax.linalg
+    factors, _, order = linear.lu(matrix)
+
+    def solve(right: Any) -> Any:
+        right = jnp.take_along_axis(right, order[:, :, None], axis=1)
+        lower = {"left_side": True, "lower": True, "unit_diagonal": True}
+        right = linear.triangular_solve(factors, right, **lower)
+        return linear.triangular_solve(factors, right, left_side=True, lower=False)
+
+    return solve
 
 
 def _where(condition: Any, a: Lane, b: Lane) -> Lane:

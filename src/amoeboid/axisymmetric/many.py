@@ -5,38 +5,24 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import lanes
-from amoeboid.axisymmetric.lanes import (
-    AT_SPEED,
-    FIRST_STEP,
-    FOLLOWING,
-    FOUND,
-    NONE,
-    OUTSIDE,
-    STALLED,
-    Cells,
-    Lane,
-    Problem,
-)
-from amoeboid.axisymmetric.spectral import grid
+from amoeboid.axisymmetric.lanes import FOUND, NONE, OUTSIDE, STALLED, Cells, Problem
 from amoeboid.axisymmetric.steady import (
     FRICTION,
     OPTIONAL,
     STRONG,
     Magnitudes,
-    SteadySystem,
     homogeneous_unknowns,
+    unknown_counts,
 )
 from amoeboid.axisymmetric.unknowns import resampled
-from amoeboid.closed_forms.linear import critical_speed
+from amoeboid.closed_forms.linear import critical_slope, critical_speed
+from amoeboid.closed_forms.modes import flow_response
 from amoeboid.closed_forms.points import Points, points
-from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
 
 CONVERGED, STOPPED, UNRESOLVED, SPHERE, UNDEFINED = range(5)
@@ -52,20 +38,30 @@ REASONS = (
 
 CHUNK_ON_CPU, CHUNK = 64, 3000
 """Cells that are computed at the same time, on a processor and on an accelerator."""
-MIN_SEEDS, SHARE_OF_SEEDS = 32, 0.05
-"""Cells that are followed from the threshold; the others start from the nearest of them."""
+MIN_SEEDS, SHARE_OF_SEEDS, MAX_SEEDS = 32, 0.05, 1000
+"""Cells that are followed from the threshold; the others start from the nearest that is known."""
+GROWTH = 8
+"""Cells that start from known ones at a time, as a multiple of those."""
 Told = Callable[[int, int], None]
 """Called with the number of cells that are done, and of all."""
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Unknowns of n modes of every cell, its status, and the Newton steps that it took."""
+    """Number of modes n, status and Newton steps of every cell (cells,), and its unknowns.
+
+    `x` has an array (cells with n modes, 3 n + 3) for every n, `row` (cells,) where in it.
+    """
 
     n: Array
-    x: list[Array]
+    x: dict[int, Array]
+    row: Array
     status: Array
     steps: Array
+
+    def unknowns(self, k: int) -> Array:
+        """Those of the cell k."""
+        return np.asarray(self.x[int(self.n[k])][self.row[k]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,25 +98,38 @@ class Table:
             )
         return frozenset(n for n in OPTIONAL if np.any(self.numbers.get(n, np.zeros(1)) != 0))
 
-    def parameters(self, k: int) -> Parameters:
-        """The parameters of a cell at its threshold."""
-        return self.of.parameters(k).replace(v_p0=float(self.threshold[k]))
+    @cached_property
+    def magnitudes(self) -> Array:
+        """Typical magnitude of each kind of unknown (cells, 7)."""
+        return Magnitudes.of(self.of).by_unknown(self.of)
 
-    def scale(self, n: int) -> Array:
-        """Typical magnitude of each unknown (cells, unknowns)."""
-        return Magnitudes.of(self.of).of_unknowns(self.of, n)
+    def scale(self, n: int, cells: Array) -> Array:
+        """Typical magnitude of each unknown of these cells (cells, 3 n + 3)."""
+        return np.repeat(self.magnitudes[cells], unknown_counts(n), axis=1)
 
-    def cells(self, n: int) -> Cells:
+    @cached_property
+    def cells(self) -> Cells:
         """What the lanes need of all cells."""
         numbers = {name: value[:, None] for name, value in self.numbers.items() if name != "v_p0"}
+        by_equation = Magnitudes.of(self.of).by_equation(self.of)
+        target = self.numbers["v_p0"] / self.threshold
         return Cells(
-            numbers, Magnitudes.of(self.of).of_equations(self.of, n), self.scale(n),
-            self.numbers["v_p0"] / self.threshold, self.threshold,
+            numbers, by_equation, self.magnitudes, self._sphere(), self._departure(), target,
+            self.threshold,
         )  # fmt: skip
 
-    def spheres(self, n: int) -> Array:
-        """Scaled unknowns of the homogeneous sphere at the threshold."""
-        return homogeneous_unknowns(self.of.at_speed(self.threshold), n) / self.scale(n)
+    def _sphere(self) -> Array:
+        speed = np.where(np.isfinite(self.threshold), self.threshold, self.numbers["v_p0"])
+        x = homogeneous_unknowns(self.of.at_speed(speed), 1)[:, 1:4]
+        return np.asarray(x / self.magnitudes[:, 2:5])
+
+    def _departure(self) -> Array:
+        """Flow and concentration of the critical mode, more filaments at the pole x = 0."""
+        p = self.of
+        with np.errstate(divide="ignore", invalid="ignore"):  # no threshold, never followed
+            flow = flow_response(p, 1) * critical_slope(p) / self.magnitudes[:, 1]
+            mode = np.stack(np.broadcast_arrays(flow, 1.0 / self.magnitudes[:, 2]), axis=1)
+            return np.asarray(mode / np.sqrt(np.sum(mode**2, axis=1, keepdims=True)))
 
 
 def _thresholds(p: Points) -> Array:
@@ -149,26 +158,26 @@ def solved(
 ) -> Found:
     """The polarized state of every point, on the branch that leaves the sphere as v_p0 grows.
 
-    `guess` (n, x (cells, 3 n + 3)): states to start from, instead of the threshold. `chunk` is the
+    `guess` (n, x (3 n + 3,)): a state that all start from, instead of the threshold. `chunk` is the
     number of lanes, by default one that suits the device.
     """
     jax = lanes.jax()
     with jax.enable_x64(True):
         if chunk is None:
             chunk = CHUNK_ON_CPU if jax.default_backend() == "cpu" else CHUNK
-        return _Work(Table.made(p), modes, max_modes, chunk, told).done(guess)
+        return _Search(Table.made(p), modes, max_modes, chunk, told).done(guess)
 
 
-class _Work:
-    """All cells, those that are done, and their states."""
+class _Search:
+    """All cells, what is known of each, and the scaled states: row `row` of z[n] (..., 3 n + 3)."""
 
     def __init__(self, table: Table, modes: int, max_modes: int, chunk: int, told: Told) -> None:
         self.table, self.modes, self.max_modes = table, modes, max_modes
         self.chunk, self.told = min(chunk, len(table)), told
         count = len(table)
         self.n = np.full(count, modes)
-        self.z = np.zeros((count, 3 * modes + 3))
-        self.finer: dict[int, Array] = {}
+        self.row = np.arange(count)
+        self.z = {modes: np.zeros((count, 3 * modes + 3))}
         self.status = np.full(count, SPHERE)
         self.steps = np.zeros(count, dtype=int)
         self.finished = 0
@@ -180,79 +189,58 @@ class _Work:
         if guess is None:
             self._from_threshold_and_neighbors(with_threshold)
         else:
-            n, x = guess
-            z = np.array([resampled(row, n, self.modes) for row in x])
-            self._corrected(np.arange(len(self.table)), z / self.table.scale(self.modes))
+            everyone = np.arange(len(self.table))
+            x = resampled(guess[1], guess[0], self.modes)
+            self._corrected(everyone, x / self.table.scale(self.modes, everyone))
         self._refined()
-        scales = {n: self.table.scale(n) for n in np.unique(self.n)}
-        states = [self._state(k) * scales[self.n[k]][k] for k in range(len(self.table))]
-        return Found(self.n, states, self.status, self.steps)
+        states = {}
+        for n, z in self.z.items():
+            cells = np.flatnonzero(self.n == n)
+            states[n] = z[self.row[cells]] * self.table.scale(n, cells)
+            self.row[cells] = np.arange(cells.size)
+        return Found(self.n, states, self.row, self.status, self.steps)
 
-    def _state(self, k: Any) -> Array:
-        return self.finer.get(int(k), self.z[k])
-
-    def _tell(self, count: int) -> None:
-        self.finished += count
-        self.told(self.finished, len(self.table))
+    def _tell(self, count: int, kept: bool = True) -> None:
+        self.told(self.finished + count, len(self.table))
+        self.finished += count * kept
 
     def _from_threshold_and_neighbors(self, cells: Array) -> None:
-        count = max(MIN_SEEDS, int(SHARE_OF_SEEDS * cells.size))
+        count = min(max(MIN_SEEDS, int(SHARE_OF_SEEDS * cells.size)), MAX_SEEDS)
         order = np.random.default_rng(0).permutation(cells)
-        seeds, others = np.sort(order[:count]), np.sort(order[count:])
-        self._followed(seeds)
-        known = seeds[self.status[seeds] == CONVERGED]
-        if others.size and known.size:
-            nearest = self._nearest(others, known)
-            failed = self._corrected(others, self.z[nearest])
-            others = others[failed]
-        self._followed(others)
+        self._followed(np.sort(order[:count]))
+        done, lost = count, []
+        places = self._places()
+        while done < order.size:
+            known = np.sort(order[:done])
+            known = known[self.status[known] == CONVERGED]
+            next_ones = np.sort(order[done : done + max(GROWTH * known.size, self.chunk)])
+            if known.size:
+                nearest = np.asarray(lanes.nearest(places[next_ones], places[known]))
+                guesses = self.z[self.modes][known[nearest]]
+                next_ones = next_ones[self._corrected(next_ones, guesses)]
+            lost.append(next_ones)
+            done += max(GROWTH * known.size, self.chunk)
+        if lost:
+            self._followed(np.sort(np.concatenate(lost)))
 
-    def _nearest(self, cells: Array, known: Array) -> Array:
-        """For every cell the known one whose parameters are nearest, in units of their spread."""
-        columns = [v for v in self.table.numbers.values() if np.ptp(v) > 0]
-        columns += [self.table.numbers["v_p0"] / self.table.threshold]
-        places = np.stack([v / (np.ptp(v) or 1.0) for v in columns], axis=1)
-        found = np.empty(cells.size, dtype=int)
-        for k, cell in enumerate(cells):
-            away = np.sum((places[known] - places[cell]) ** 2, axis=1)
-            found[k] = known[np.argmin(away)]
-        return found
+    def _places(self) -> Array:
+        """Where the cells are among the parameters, in units of their spread (cells, axes)."""
+        columns = [v / np.ptp(v) for v in self.table.numbers.values() if np.ptp(v) > 0]
+        return np.stack([*columns, self.table.cells.target], axis=1)
 
     def _followed(self, cells: Array) -> None:
         """Along the branch from the threshold of each cell."""
-        if not cells.size:
-            return
-        problem, all_cells = self._problem(self.modes), self.table.cells(self.modes)
-        spheres = self.table.spheres(self.modes)
-        tangents = np.zeros_like(spheres)
-        for k in cells:
-            tangents[k] = _departure(self.table.parameters(k), self.modes)
-        zero = np.zeros(len(self.table))
-        begin = Lane(
-            z=spheres + FIRST_STEP * tangents, q=zero + 1.0, z0=spheres, q0=zero + 1.0,
-            z_tangent=tangents, q_tangent=zero, step=zero + FIRST_STEP,
-            count=zero.astype(int), total=zero.astype(int), last=zero,
-            doing=zero.astype(int) + FOLLOWING, alone=zero > 0,
-        )  # fmt: skip
-        self._run(problem, all_cells, begin, cells, self._keep)
+        if cells.size:
+            self._keep(cells, *self._run(cells, np.zeros((cells.size, 3 * self.modes + 3)), True))
 
     def _corrected(self, cells: Array, z: Array) -> Array:
         """By Newton's method from a guess; which cells did not get there."""
-        problem, all_cells = self._problem(self.modes), self.table.cells(self.modes)
-        guess = np.zeros_like(self.z)
-        guess[cells] = z
-        ended = np.zeros(len(self.table), dtype=int)
-
-        def keep(which: Array, lane: Lane) -> None:
-            ended[which] = lane.doing
-            good = lane.doing == FOUND
-            self._keep(which[good], Lane(*(x[good] for x in lane)))
-
-        self._run(problem, all_cells, _at_speed(guess, all_cells.target), cells, keep)
-        failed = ended[cells] != FOUND
-        slid = ended[cells] == NONE
-        self.status[cells[failed]] = np.where(slid, SPHERE, STOPPED)[failed]
-        return failed
+        found, doing, total = self._run(cells, z, False)
+        good = doing == FOUND
+        self._keep(cells[good], found[good], doing[good], total[good])
+        self.status[cells[~good]] = np.where(doing == NONE, SPHERE, STOPPED)[~good]
+        self.steps[cells[~good]] += total[~good]
+        return ~good
 
     def _refined(self) -> None:
         """States that are not resolved once more, with twice the modes each time."""
@@ -262,109 +250,54 @@ class _Work:
             if 2 * n > self.max_modes or not cells.size:
                 self.status[cells] = UNRESOLVED
                 break
-            problem, all_cells = self._problem(2 * n), self.table.cells(2 * n)
-            guess = np.zeros((len(self.table), 3 * 2 * n + 3))
-            for k in cells:
-                guess[k] = resampled(self._state(k), n, 2 * n)
-            self._run(problem, all_cells, _at_speed(guess, all_cells.target), cells, self._keep)
+            guess = resampled(self.z[n][self.row[cells]], n, 2 * n)
+            found = self._run(cells, guess, False, 2 * n)
+            self.z[2 * n] = np.zeros_like(found[0])
+            self.n[cells], self.row[cells] = 2 * n, np.arange(cells.size)
+            self._keep(cells, *found)
             n *= 2
             cells = cells[self.status[cells] == CONVERGED]
 
     def _unresolved(self, n: int, cells: Array) -> Array:
         """Whether the continuous equations do not hold; marks cells where the law has no value."""
-        problem, all_cells = self._problem(n), self.table.cells(n)
-        judge = lanes.checked(problem)
-        residual, lowest = np.zeros(len(self.table)), np.zeros(len(self.table))
-        for part in self._parts(cells):
-            z = np.array([self._state(k) for k in part])
-            some = _some(all_cells, part)
-            residual[part], lowest[part] = judge(z, some.target, some)
+        judge, everything = lanes.checked(self._problem(n)), self.table.cells
+        residual, lowest = np.zeros(cells.size), np.zeros(cells.size)
+        for first in range(0, cells.size, self.chunk):
+            part = np.resize(cells[first : first + self.chunk], self.chunk)  # of one size: compiled
+            here = lanes.some(everything, part)
+            found = judge(self.z[n][self.row[part]], here.target, here)
+            for known, values in zip((residual, lowest), found, strict=True):
+                known[first : first + self.chunk] = values[: cells.size - first]
         for relation in (self.table.of.law, self.table.of.stress):
             if relation.above is not None:
-                self.status[cells[lowest[cells] <= relation.above]] = UNDEFINED
-        return ~(residual[cells] <= STRONG) & (self.status[cells] == CONVERGED)
+                self.status[cells[lowest <= relation.above]] = UNDEFINED
+        return ~(residual <= STRONG) & (self.status[cells] == CONVERGED)
 
     def _problem(self, n: int) -> Problem:
         return Problem(n, self.table.of.law, self.table.of.stress, self.table.present)
 
-    def _parts(self, cells: Array) -> list[Array]:
-        """The cells in parts of the same size, the last one filled up with its first cell."""
-        parts = [cells[k : k + self.chunk] for k in range(0, cells.size, self.chunk)]
-        return [np.append(p, np.full(self.chunk - p.size, p[0], dtype=int)) for p in parts]
-
-    def _keep(self, which: Array, lane: Lane) -> None:
-        ends = {FOUND: CONVERGED, STALLED: STOPPED, NONE: SPHERE, OUTSIDE: UNDEFINED}
-        self.status[which] = [ends[int(d)] for d in lane.doing]
-        self.steps[which] += lane.total
-        n = (lane.z.shape[1] - 3) // 3
-        self.n[which] = n
-        for k, z in zip(which, lane.z, strict=True):
-            if n == self.modes:
-                self.z[k] = z
-            else:
-                self.finer[int(k)] = z
-        if n == self.modes:
-            self._tell(which.size)
+    def _keep(self, cells: Array, z: Array, doing: Array, total: Array) -> None:
+        ends = np.full(OUTSIDE + 1, STOPPED)
+        ends[[FOUND, STALLED, NONE, OUTSIDE]] = CONVERGED, STOPPED, SPHERE, UNDEFINED
+        self.status[cells] = ends[doing]
+        self.steps[cells] += total
+        self.z[(z.shape[1] - 3) // 3][self.row[cells]] = z
 
     def _run(
-        self,
-        problem: Problem,
-        all_cells: Cells,
-        begin: Lane,
-        cells: Array,
-        keep: Callable[[Array, Lane], None],
-    ) -> None:
-        """Newton steps in all lanes until every cell is done; free lanes take the next cell."""
-        step = lanes.advance(problem)
-        [first] = self._parts(cells[: self.chunk])
-        waiting = cells[self.chunk :]
-        at, here = _lanes(begin, first), first.copy()
-        busy = np.arange(self.chunk) < min(cells.size, self.chunk)
-        some = _some(all_cells, here)
-        while busy.any():
-            at = step(at, some)
-            ready = np.flatnonzero(busy & (np.asarray(at.doing) >= FOUND))
-            if not ready.size:
-                continue
-            at = Lane(*(np.array(x) for x in at))
-            keep(here[ready], Lane(*(x[ready] for x in at)))
-            following, waiting = waiting[: ready.size], waiting[ready.size :]
-            places = ready[: following.size]
-            here[places] = following
-            for x, new in zip(at, _lanes(begin, following), strict=True):
-                x[places] = new
-            busy[ready[following.size :]] = False
-            some = _some(all_cells, here)
-
-
-def _departure(p: Parameters, n: int) -> Array:
-    """The null vector of the scaled Jacobian at the sphere at its threshold, a unit tangent."""
-    system = SteadySystem(p, n)
-    jacobian = system.jacobian(homogeneous_unknowns(p, n), np.zeros(0)) * system.scale
-    size, k = jacobian.shape[0], 2 * n  # the coefficient of cos(x) in c
-    bordered = np.zeros((size + 1, size + 1))
-    bordered[:size, :size], bordered[size, k] = jacobian, 1.0
-    bordered[2 * n : 3 * n, size] = np.cos(grid(n).x)
-    found = solve(bordered, np.append(np.zeros(size), 1.0))[:size]
-    towards = np.sign(np.sum(found[2 * n - 1 : 3 * n - 1]))  # more filaments at the pole x = 0
-    return towards * found / np.sqrt(np.sum(found[:-4] ** 2))
-
-
-def _at_speed(z: Array, target: Array) -> Lane:
-    """Lanes at the v_p0 asked for, with nothing to go back to."""
-    zero = np.zeros(len(z))
-    none = np.zeros_like(z)
-    return Lane(
-        z=z, q=target, z0=z, q0=target, z_tangent=none, q_tangent=zero, step=zero,
-        count=zero.astype(int), total=zero.astype(int), last=zero,
-        doing=zero.astype(int) + AT_SPEED, alone=zero == 0,
-    )  # fmt: skip
-
-
-def _lanes(lane: Lane, cells: Array) -> Lane:
-    return Lane(*(np.array(x[cells]) for x in lane))
-
-
-def _some(cells: Cells, which: Array) -> Cells:
-    numbers = {name: value[which] for name, value in cells.numbers.items()}
-    return Cells(numbers, *(x[which] for x in cells[1:]))
+        self, cells: Array, z: Array, following: bool, n: int | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Newton steps in all lanes until every cell is done: z, how it ended, and its steps."""
+        n = n or self.modes
+        problem = self._problem(n)
+        step, refill = lanes.advance(problem), lanes.refilled(problem, following)
+        these = lanes.on_device(lanes.some(self.table.cells, cells))
+        work = lanes.emptied(problem, self.chunk, z)
+        while True:
+            work, here, numbers = refill(work, these)
+            busy, begun, found = np.asarray(numbers).tolist()
+            if n == self.modes:
+                self._tell(begun - busy if following else found, kept=not busy)
+            if not busy:
+                break
+            work = work._replace(lane=step(work.lane, here))
+        return np.asarray(work.z), np.asarray(work.doing), np.asarray(work.total)

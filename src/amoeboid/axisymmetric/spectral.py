@@ -85,6 +85,7 @@ def even_basis(x: Array, count: int) -> Array:
 
 
 def resized(coefficients: Array, count: int) -> Array:
-    """The series with `count` coefficients: zeros appended or the highest dropped."""
-    kept = coefficients[:count]
-    return np.concatenate([kept, np.zeros(count - kept.size, dtype=kept.dtype)])
+    """The series (..., terms) with `count` terms: zeros appended or the highest dropped."""
+    kept = coefficients[..., :count]
+    missing = (*kept.shape[:-1], count - kept.shape[-1])
+    return np.concatenate([kept, np.zeros(missing, dtype=kept.dtype)], axis=-1)

@@ -82,22 +82,41 @@ class Magnitudes:
         force = force + friction.unit(p) * speed_here + p.kappa / p.R0**3
         return cls(speed_here, concentration, force, concentration * speed_here / p.R0)
 
+    def by_equation(self, p: Any) -> Array:
+        """Typical magnitude of each kind of equation (..., 5); see `equation_counts`."""
+        area = 4 * np.pi * p.R0**2
+        return self._together(self.force, self.rate, 1.0, area, self.concentration * area)
+
+    def by_unknown(self, p: Any) -> Array:
+        """Typical magnitude of each kind of unknown (..., 7); see `unknown_counts`."""
+        scalars = (p.R0, self.force * p.R0, self.force, self.rate)
+        return self._together(1.0, self.speed, self.concentration, *scalars)
+
     def of_equations(self, p: Any, n: int) -> Array:
         """Typical magnitude of each equation (..., 3 n + 3)."""
-        area = 4 * np.pi * p.R0**2
-        each = (self.force, self.rate, 1.0, area, self.concentration * area)
-        return _repeated(each, [2 * n, n, 1, 1, 1])
+        return np.repeat(self.by_equation(p), equation_counts(n), axis=-1)
 
     def of_unknowns(self, p: Any, n: int) -> Array:
         """Typical magnitude of each unknown (..., 3 n + 3)."""
-        scalars = (p.R0, self.force * p.R0, self.force, self.rate)
-        each = (1.0, self.speed, self.concentration, *scalars)
-        return _repeated(each, [n - 1, n, n, 1, 1, 1, 1])
+        return np.repeat(self.by_unknown(p), unknown_counts(n), axis=-1)
+
+    def _together(self, *each: Any) -> Array:
+        everywhere = 0.0 * self.rate  # which has a value at every point
+        return np.array([value + everywhere for value in each]).T
 
 
-def _repeated(each: tuple[Any, ...], counts: list[int]) -> Array:
-    everywhere = 0.0 * each[1]  # which has a value at every point
-    return np.repeat(np.array([value + everywhere for value in each]).T, counts, axis=-1)
+def equation_counts(n: int) -> list[int]:
+    """How many equations of each kind there are: force balance, transport, closure, area, number.
+
+    >>> sum(equation_counts(32)) == sum(unknown_counts(32)) == unknown_count(32)
+    True
+    """
+    return [2 * n, n, 1, 1, 1]
+
+
+def unknown_counts(n: int) -> list[int]:
+    """How many unknowns of each kind there are: psi, u, c and the four scalars."""
+    return [n - 1, n, n, 1, 1, 1, 1]
 
 
 @dataclass(frozen=True)

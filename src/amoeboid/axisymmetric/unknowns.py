@@ -70,11 +70,17 @@ def maps_of(n: int) -> dict[str, tuple[int, Array]]:
 
 
 def split(x: Array, n: int) -> tuple[Array, Array, Array, Array]:
-    """Coefficients of psi - x, u and c, and the four scalars."""
-    return x[: n - 1], x[n - 1 : 2 * n - 1], x[2 * n - 1 : 3 * n - 1], x[3 * n - 1 :]
+    """Coefficients of psi - x, u and c, and the four scalars, of vectors (..., 3 n + 3)."""
+    return (
+        x[..., : n - 1],
+        x[..., n - 1 : 2 * n - 1],
+        x[..., 2 * n - 1 : 3 * n - 1],
+        x[..., 3 * n - 1 :],
+    )
 
 
 def resampled(x: Array, n: int, to: int) -> Array:
-    """The vector of unknowns with `to` instead of n modes."""
+    """The vectors of unknowns (..., 3 n + 3) with `to` instead of n modes."""
     psi, u, c, scalars = split(x, n)
-    return np.concatenate([resized(psi, to - 1), resized(u, to), resized(c, to), scalars])
+    parts = [resized(psi, to - 1), resized(u, to), resized(c, to), scalars]
+    return np.concatenate(parts, axis=-1)

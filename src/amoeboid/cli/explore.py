@@ -46,7 +46,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=Path,
         metavar="FILE",
         help="write a page into one file (.html) that works without a server and a network: the "
-        "branches in v_p0 for five values of D around the parameters of --set, without the "
+        "branches in v_p0 for four values of D around the parameters of --set, without the "
         "3D cell",
     )
     parser.epilog = (

@@ -76,10 +76,10 @@ class Points(Material):
 
     def parameters(self, number: int) -> Parameters:
         """The parameters of one point, counted in C order."""
-        numbers = {
-            name: float(np.broadcast_to(value, self.shape).flat[number])
-            for name, value in self.columns().items()
-        }
+        columns = self.columns()
+        shape = np.broadcast_shapes(*map(np.shape, columns.values()))
+        index = np.unravel_index(number, shape) if shape else ()
+        numbers = {name: float(_at(value, index)) for name, value in columns.items()}
         one = _with_numbers(self, numbers)
         plain: dict[str, Any] = {k: value for k, value in numbers.items() if "." not in k}
         return Parameters(**plain, law=one.law, stress=one.stress)
@@ -92,6 +92,13 @@ class Points(Material):
             for name, value in getattr(self, kind).own.items()
         }
         return {name: getattr(self, name) for name in DIMENSIONS} | own
+
+
+def _at(value: Any, index: tuple[Any, ...]) -> Any:
+    """The entry of an array that broadcasts to more axes or longer ones."""
+    value = np.asarray(value)
+    own = index[len(index) - value.ndim :]
+    return value[tuple(0 if size == 1 else k for k, size in zip(own, value.shape, strict=True))]
 
 
 def _range(name: str, values: Array) -> str:

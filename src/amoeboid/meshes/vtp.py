@@ -124,11 +124,11 @@ def _raw(body: bytes, start: int, kind: np.dtype) -> Array:
 
 def _unpacked(body: bytes, start: int, kind: np.dtype) -> Array:
     """The numbers of one array: a header of sizes, then its blocks."""
-    (count,) = np.frombuffer(_decoded(body, start, 4), "<u4")
+    count = int(np.frombuffer(_decoded(body, start, 4), "<u4")[0])
     if count > MAX_BYTES // 2**10:
         raise ValueError("it announces too much")
-    header = np.frombuffer(_decoded(body, start, 12 + 4 * int(count)), "<u4").astype(int)
-    start += _encoded(12 + 4 * int(count))
+    header = np.frombuffer(_decoded(body, start, 12 + 4 * count), "<u4").astype(int)
+    start += _encoded(12 + 4 * count)
     packed = _decoded(body, start, int(header[3:].sum()))
     size, last = int(header[1]), int(header[2])
     parts, place = [], 0

@@ -30,6 +30,8 @@ _CUSTOMARY = {
     "M L^2/T^2": "pN um",
     "M L^2/T^3": "aW",
 }
+# Printed with the first symbol, the micro sign; Pint 0.26 has the Greek letter there.
+_MICRO = "micro- = 1e-6 = \u00b5- = \u03bc- = u- = mu- = mc-"
 # Signs of print, and blanks of any width, as the keyboard has them.
 _SIGNS = str.maketrans({"\u00d7": "*", "\u00b7": "*", "\u22c5": "*", "\u2212": "-"})
 _TOKEN = re.compile(
@@ -272,7 +274,8 @@ def _spelled(dimension: str) -> str:
 @cache
 def _registry() -> Any:
     pint = needed("pint", QUANTITIES)
-    registry = pint.UnitRegistry()
+    registry = pint.UnitRegistry(on_redefinition="ignore")
+    registry.define(_MICRO)
     registry.formatter.default_format = ".6g~P"
     registry.separate_format_defaults = True  # ".3f" says how numbers look, units stay short
     return registry

@@ -14,7 +14,6 @@ from amoeboid.arrays import Array
 from amoeboid.axisymmetric import lanes
 from amoeboid.axisymmetric.many import CONVERGED, REASONS, STATUSES, Found, solved
 from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
-from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
 from amoeboid.extras import needed
@@ -33,6 +32,8 @@ BATCH = 1000
 AT_REST, POLARIZED = "sphere", "polarized"
 SHOWN_AFTER = 2.0
 """Seconds before progress is shown."""
+TOLD_EVERY = 100
+"""States between two reports of the progress of an observable."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -71,40 +72,41 @@ class ManySteadyStates:
 
     def reason(self, *index: int) -> str:
         """Why there is no state at the point `index`, in words; empty where there is one."""
-        k = self._number(index)
-        return REASONS[self.found.status[k]].format(modes=self.found.n[k])
+        return self._reason(self._number(index))
 
     def state(self, *index: int) -> SteadySolution:
         """The state of the point `index`, as the axisymmetric solver gives it; see `converged`."""
-        k = self._number(index)
-        good = bool(self.found.status[k] == CONVERGED)
-        return SteadySolution(
-            self._parameters(k),
-            int(self.found.n[k]),
-            self.found.x[k],
-            good,
-            (),
-            self.reason(*index),
-        )
+        return self._state(self._number(index))
 
     def states(self) -> list[SteadySolution]:
         """The states of all points, one after the other."""
-        return [self.state(*index) for index in np.ndindex(self.shape)]
+        return [self._state(k) for k in range(self.found.n.size)]
 
     def __getitem__(self, name: str) -> Array:
         """An observable at every point, NaN where there is no state. Raises InvalidInput."""
-        refuse_unknown([name], OBSERVABLES, "observable")
-        if name not in self._known:
-            values = np.full(self.shape, np.nan)
-            for index in zip(*np.nonzero(self.converged), strict=True):
-                values[index] = getattr(self.state(*index), name)
-            self._known[name] = values
+        self._measure(name)
         return self._known[name]
+
+    def _measure(self, *names: str) -> None:
+        """Evaluate these observables, each once, of all states."""
+        refuse_unknown(names, OBSERVABLES, "observable")
+        new = [name for name in names if name not in self._known]
+        values = {name: np.full(self.found.n.size, np.nan) for name in new}
+        cells = np.flatnonzero(self.found.status == CONVERGED) if new else np.zeros(0, dtype=int)
+        with shown_line(SHOWN_AFTER) as show:
+            for done, k in enumerate(cells.tolist()):
+                if show is not None and done % TOLD_EVERY == 0:
+                    show((f"{', '.join(new)}: {done} of {cells.size} states",))
+                state = self._state(k)
+                for name in new:
+                    values[name][k] = getattr(state, name)
+        self._known.update({name: column.reshape(self.shape) for name, column in values.items()})
 
     def to_xarray(self, *names: str) -> Any:
         """An xarray.Dataset of status, modes, parameters and the observables `names`, or four."""
         xarray = needed("xarray", TABLE)
         names = names or ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
+        self._measure(*names)
         axes = tuple(f"point_{k}" for k in range(len(self.shape)))
         columns = self.points.columns()
         varying = {k: v for k, v in columns.items() if np.ndim(v) and np.size(v) > 1}
@@ -118,8 +120,13 @@ class ManySteadyStates:
     def _number(self, index: tuple[int, ...]) -> int:
         return int(np.ravel_multi_index(index, self.shape)) if self.shape else 0
 
-    def _parameters(self, k: int) -> Parameters:
-        return self.points.parameters(k)
+    def _state(self, k: int) -> SteadySolution:
+        good = bool(self.found.status[k] == CONVERGED)
+        x, n = self.found.unknowns(k), int(self.found.n[k])
+        return SteadySolution(self.points.parameters(k), n, x, good, (), self._reason(k))
+
+    def _reason(self, k: int) -> str:
+        return REASONS[self.found.status[k]].format(modes=self.found.n[k])
 
     @cached_property
     def _known(self) -> dict[str, Array]:
@@ -167,8 +174,7 @@ def many_steady_states(
     checked_lengths(modes, max_modes, chunk)
     guess = None
     if start is not None:
-        count = int(np.prod(table.shape))
-        guess = start.n, np.tile(resampled(start.x, start.n, start.n), (count, 1))
+        guess = start.n, start.x
     with shown_line(SHOWN_AFTER) as show:
 
         def told(done: int, of: int) -> None:
