@@ -281,6 +281,8 @@ def test_a_sweep_of_runs_takes_times_with_units(tmp_path, capsys):
         ("t > '5 parrots'", "its unit is unknown"),
         ("t > '5 K'", "must be a quantity of length, time and mass"),
         ("t > '3'", "with t and '3'"),
+        ("t**'5 s' > 3", "an exponent in a condition must be a number"),
+        ("t > '5 s'*1e400", "inf is not a number"),
     ],
 )
 def test_a_condition_on_a_cell_with_units_compares_one_dimension(condition, message):
