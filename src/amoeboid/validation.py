@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable
@@ -10,6 +11,7 @@ from dataclasses import Field, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 
@@ -153,6 +155,14 @@ def is_text(value: str) -> bool:
     except UnicodeEncodeError:
         return False
     return "\0" not in value
+
+
+def path_of(given: Any, what: str) -> Path:
+    """A path that a user gives. Raises InvalidInput, naming `what`, for what names no file."""
+    text = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or not is_text(text):
+        raise InvalidInput(f"{what} must be a path, a text or pathlib.Path, got {given!r:.100}")
+    return Path(text)
 
 
 def toml_document(text: str, what: str) -> dict[str, Any]:
