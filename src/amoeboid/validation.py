@@ -208,16 +208,18 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     try:
         return _converted(value, f)
     except _Unfit as unfit:
-        remedy = _remedy(value) if f.metadata["kind"] is float else ""
+        remedy = _remedy(value, f.metadata.get("unit", "")) if f.metadata["kind"] is float else ""
         message = f"{name} must be {rule(f)}, got {value!r}{remedy}"
         raise InvalidInput(message) from unfit.__cause__
 
 
-def _remedy(value: Any) -> str:
+def _remedy(value: Any, unit: str) -> str:
     """What to do about a text where a number is due, as far as it shows what was meant."""
     if DECIMAL_COMMA.fullmatch(str(value)):
         return "; write a decimal point"
     if isinstance(value, str) and WITH_UNIT.match(value):
+        if unit in ("", "1"):
+            return "; it has no unit, leave that out"
         return (
             "; values with units need a cell with units: --physical on the command line, "
             "physical = true at the head of a file, Parameters.physical in Python"

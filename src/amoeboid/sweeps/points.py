@@ -22,7 +22,7 @@ from amoeboid.assignments import SECTIONS
 from amoeboid.config import Config, configured
 from amoeboid.display import shown
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters, refuse_no_parameters
-from amoeboid.studies.columns import number_of
+from amoeboid.studies.columns import NO_DIMENSION, number_of
 from amoeboid.sweeps.evaluation import POINT
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -312,11 +312,14 @@ def _value(base: Base, name: str, given: Any) -> Any:
         return given
     if section != "parameters" and isinstance(given, tuple | list):
         return tuple(given)
-    if section != "parameters" and (isinstance(given, str | bool) or given is None):
+    dimension = dimension_of(base, name)
+    measured = parameters_of(base).units is not None and dimension not in NO_DIMENSION
+    word = isinstance(given, str) and not measured
+    if section != "parameters" and (word or isinstance(given, bool) or given is None):
         return given
     if isinstance(given, bool):
         raise InvalidInput(f"{name} must be a number, got {given!r}")
-    return number_of(parameters_of(base), given, dimension_of(base, name), name)
+    return number_of(parameters_of(base), given, dimension, name)
 
 
 def _spaced(base: Base, name: str, given: Mapping[str, Any]) -> tuple[float, ...]:
