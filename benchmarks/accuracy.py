@@ -42,6 +42,7 @@ RATES = {
     "v_p0 = 6, delta_P = 300": Parameters(D=0.4, v_p0=6.0),
     "v_p0 = 6, delta_P = 11": Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
     "v_p0 = 8, delta_P = 20": Parameters(D=0.4, v_p0=8.0, delta_P=20.0),
+    "v_p0 = 7.9, delta_P = 20": Parameters(D=0.4, v_p0=7.9, delta_P=20.0),  # the onset of circles
     "v_p0 = 6.5, delta_P = 11": Parameters(D=0.4, v_p0=6.5, delta_P=11.0),
     "v_p0 = 9, delta_P = 30": Parameters(D=0.4, v_p0=9.0, delta_P=30.0),
     "v_p0 = 5, delta_P = 3": Parameters(D=0.4, v_p0=5.0, delta_P=3.0),
