@@ -1,9 +1,11 @@
-"""Errors of steady cells in 3D against the axisymmetric solver, and their orders.
+"""Errors of steady cells in 3D and of their growth rates against the axisymmetric solver.
 
     python -m benchmarks.accuracy 2 3 4 5        # 162 to 10242 nodes; 6 is 40962
+    python -m benchmarks.accuracy growth 2 3 4   # rate of the fastest growing perturbation
 
-The first tables of docs/numerics-surface.md. The cells are solved for from the axisymmetric state,
-on nodes as uniform as those that a run begins with; runs differ by where their nodes come to lie.
+The first tables of docs/numerics-surface.md, and that of growth rates. The cells are solved for
+from the axisymmetric state, on nodes as uniform as those that a run begins with; runs differ by
+where their nodes come to lie.
 """
 
 from __future__ import annotations
@@ -12,12 +14,18 @@ import sys
 
 import numpy as np
 
+from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.on_mesh import on_directions
 from amoeboid.axisymmetric.search import steady_solutions
+from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
 from amoeboid.meshes.cells import InitialCell
 from amoeboid.meshes.relaxation import uniform_icosphere
 from amoeboid.model.parameters import Parameters
+from amoeboid.runs.meshes import Icosphere
 from amoeboid.runs.steady_cell import steady_state
+from amoeboid.studies.states import SteadyState
+from amoeboid.surface.stability import MAX_ERROR
+from amoeboid.validation import InvalidInput
 
 OBSERVED = ("max_retrograde_speed", "c_front", "c_rear", "zeta0")
 EDGE, NODE = (0.0, 0.0, 1.0), (0.0, 1.0, (1.0 + 5.0**0.5) / 2.0)
@@ -29,6 +37,42 @@ CASES = {
     "delta_P = 11, poles of valence 5": (Parameters(D=0.4, v_p0=6.0, delta_P=11.0), NODE),
 }
 """Parameters, and the direction from the center of the mesh that the rear lies in."""
+
+RATES = {
+    "v_p0 = 6, delta_P = 300": Parameters(D=0.4, v_p0=6.0),
+    "v_p0 = 6, delta_P = 11": Parameters(D=0.4, v_p0=6.0, delta_P=11.0),
+    "v_p0 = 8, delta_P = 20": Parameters(D=0.4, v_p0=8.0, delta_P=20.0),
+    "v_p0 = 7.9, delta_P = 20": Parameters(D=0.4, v_p0=7.9, delta_P=20.0),  # the onset of circles
+    "v_p0 = 6.5, delta_P = 11": Parameters(D=0.4, v_p0=6.5, delta_P=11.0),
+    "v_p0 = 9, delta_P = 30": Parameters(D=0.4, v_p0=9.0, delta_P=30.0),
+    "v_p0 = 5, delta_P = 3": Parameters(D=0.4, v_p0=5.0, delta_P=3.0),
+    "D = 0.1, v_p0 = 0.75, beta = 0": Parameters(D=0.1, v_p0=0.75, beta=0.0),
+    "D = 0.1, v_p0 = 3, beta = 0": Parameters(D=0.1, v_p0=3.0, beta=0.0),
+    "D = 0.03, v_p0 = 3.6": Parameters(D=0.03, v_p0=3.6),
+    "the paper's cell": Parameters.physical(),
+    "D = 0.01, v_p0 = 5": Parameters(D=0.01, v_p0=5.0),
+    "paper's table": Parameters(),
+}
+"""Polarized cells whose fastest perturbation is known without a mesh."""
+
+
+def growth(subdivisions: list[int]) -> None:
+    """Print the rate of the fastest growing perturbation with its error, and without a mesh."""
+    for name, p in RATES.items():
+        state = max(steady_solutions(p, (1,)).states, key=lambda s: s.max_retrograde_speed)
+        exact = max(growth_rates(state, m).real.max() for m in AZIMUTHAL_NUMBERS)
+        found = [_rate(state, n) for n in subdivisions]
+        print(f"{name:32} {exact:+.5f} ", *(f"{text:22}" for text in found), flush=True)
+
+
+def _rate(state: AxisymmetricCell, subdivisions: int) -> str:
+    start = SteadyState(state).as_initial(Icosphere(subdivisions))
+    try:
+        cell = steady_state(state.parameters, start=start)
+    except InvalidInput:
+        return "no such cell"
+    found, _ = cell.growth(MAX_ERROR)
+    return "unknown" if found.rate is None else f"{found.rate:+.5f} +- {found.error:.5f}"
 
 
 def main(subdivisions: list[int]) -> None:
@@ -57,4 +101,7 @@ def main(subdivisions: list[int]) -> None:
 
 
 if __name__ == "__main__":
-    main([int(word) for word in sys.argv[1:]])
+    if sys.argv[1:2] == ["growth"]:
+        growth([int(word) for word in sys.argv[2:]])
+    else:
+        main([int(word) for word in sys.argv[1:]])

@@ -5,9 +5,12 @@
     python -m benchmarks.sweep start [PROCESSES]    20 processes on an empty folder of kernels
 
 A ratio of times is that of one call; other programs on the machine change it. The ratio of
-processor times is not changed by them: twice that of the serial sweep over that of all processes
-together, their start and imports with it. So many times as fast two processors that nobody else
-uses are, up to the last task, of 0.5 s or one point.
+processor times is changed less: twice that of the serial sweep over that of all processes together.
+So many times as fast two processors that nobody else uses are, up to the last task, of 0.5 s or one
+point. Two processes include their start and imports; of Dask, the cluster is there before, and its
+workers import the package in a first sweep ("new"), not in a second one ("used"). Dask also works
+while nobody asks it to; the processor time of that, per second, is that of a cluster left alone. On
+a machine that others use, a sweep takes more seconds and so more of it.
 """
 
 from __future__ import annotations
@@ -19,8 +22,10 @@ import resource
 import sys
 import tempfile
 import time
-from contextlib import contextmanager, nullcontext
+from collections.abc import Iterable
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -28,50 +33,57 @@ import amoeboid as am
 
 P = am.Parameters(D=0.4)
 SHORT = functools.partial(am.simulate, mesh=am.Icosphere(1), until=am.time(0.2), progress=False)
+ALONE = 5.0  # seconds in which a cluster of Dask has nothing to do
 WARM = 50  # runs after which memory is looked at for the first time
 
 
 @contextmanager
 def dask_workers(count: int):
-    """An executor on workers of Dask, each with one thread."""
+    """An executor on workers of Dask, each with one thread, and the numbers of their processes."""
     from distributed import Client, LocalCluster
 
     cluster = LocalCluster(
         n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
     )
     with cluster, Client(cluster) as client:
-        yield client.get_executor()
+        yield client.get_executor(), tuple(client.run(os.getpid).values())
 
 
-def processor_time() -> float:
-    """Seconds of processor time of this process and of all that it has made and that ended."""
+def processor_time(others: Iterable[int] = ()) -> float:
+    """Seconds of processor time: of this process, of all it made that ended, and of others."""
     times = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(t.ru_utime + t.ru_stime for t in times)
+    own = sum(t.ru_utime + t.ru_stime for t in times)
+    return own + sum(_processor_time_of(pid) for pid in others)
+
+
+def _processor_time_of(pid: int) -> float:
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def speed(count: int = 200) -> dict[str, object]:
-    """Times of a serial sweep, of two processes and of two workers of Dask, and their ratios.
-
-    The start of the processes is included, that of the cluster of Dask is not.
-    """
-    before = processor_time()
-    with dask_workers(2):
-        pass
-    cluster = processor_time() - before
+    """Times of a serial sweep, of two processes and of two workers of Dask, and their ratios."""
     points = am.grid(P, v_p0=np.linspace(3, 8, count))
     am.theory(P)  # its imports are no part of the serial time
     seconds: dict[str, float] = {}
     busy: dict[str, float] = {}
-    rows = {}
-    for name in ("serial", "two processes", "two Dask workers"):
-        before = processor_time()
-        with dask_workers(2) if "Dask" in name else nullcontext() as executor:
-            begun = time.monotonic()
-            workers = 2 if name == "two processes" else None
-            rows[name] = am.sweep(points, am.theory, executor=executor, workers=workers).rows
-            seconds[name] = time.monotonic() - begun
-        busy[name] = processor_time() - before - (cluster if "Dask" in name else 0.0)
-    assert rows["serial"] == rows["two processes"] == rows["two Dask workers"]
+    rows = []
+
+    def timed(name: str, others: Iterable[int] = (), **how: Any) -> None:
+        before, begun = processor_time(others), time.monotonic()
+        rows.append(am.sweep(points, am.theory, progress=False, **how).rows)
+        seconds[name] = time.monotonic() - begun
+        busy[name] = processor_time(others) - before
+
+    timed("serial")
+    timed("two processes", workers=2)
+    with dask_workers(2) as (executor, pids):
+        before = processor_time(pids)
+        time.sleep(ALONE)
+        alone = (processor_time(pids) - before) / ALONE
+        for name in ("two new Dask workers", "two used Dask workers"):
+            timed(name, pids, executor=executor)
+    assert all(found == rows[0] for found in rows)
     others = [name for name in seconds if name != "serial"]
     return {
         "points": count,
@@ -79,6 +91,7 @@ def speed(count: int = 200) -> dict[str, object]:
         "processor_seconds": busy,
         "serial_over": {name: seconds["serial"] / seconds[name] for name in others},
         "by_processor_time": {name: 2 * busy["serial"] / busy[name] for name in others},
+        "dask_alone": alone,
         "same_bits": True,
         "load": os.getloadavg()[0],
     }

@@ -16,6 +16,7 @@ from amoeboid.validation import InvalidInput, refuse_unknown
          "describes a sweep; use amoeboid sweep s.toml"),
         ("sweep", "r.toml", "[time]\nend=3.0", "describes a run; use amoeboid run r.toml"),
         ("run", "plain", None, "is a folder; give the TOML file in it"),
+        ("run", "none/x.toml", "missing", "No such file 'none/x.toml'; run needs"),
         ("run", "broken.toml", "D = [", "'broken.toml' must be valid TOML"),
     ],
 )  # fmt: skip
@@ -23,7 +24,9 @@ def test_another_kind_of_file_is_told_where_it_belongs(
     command, name, content, message, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    if content is None:
+    if content == "missing":
+        pass
+    elif content is None:
         (tmp_path / name).mkdir()
     else:
         (tmp_path / name).write_text(content)

@@ -315,7 +315,7 @@ def test_settings_take_points_at_an_end_and_refuse_commas(capsys):
     assert "got '0,03'; write a decimal point" in capsys.readouterr().err
     for quantity in ("8 um", "-1.5e3 nm/s", "1370 / um^2", "3µm"):
         assert main(["theory", "--set", f"R0={quantity}"]) == 2
-        remedy = f"got '{quantity}'; values with units are for Parameters.physical, "
+        remedy = f"got '{quantity}'; values with units need a cell with units: --physical"
         assert remedy in capsys.readouterr().err
     for text_ in ("０.03", "infinity", "0.0.3", "3 4", "0x"):
         assert main(["theory", "--set", f"D={text_}"]) == 2

@@ -28,7 +28,8 @@ from amoeboid.model.parameters import (
 )
 from amoeboid.model.polymerization import NAMED_LAWS, Custom, Exponential, Law
 from amoeboid.model.stress import Stress
-from amoeboid.numerics.continuation import COMPLEX_STEP, Options, follow
+from amoeboid.numerics.branch_points import COMPLEX_STEP, Options
+from amoeboid.numerics.continuation import follow
 from amoeboid.surface.initial import sphere
 from amoeboid.surface.stepping import semi_implicit_step
 from amoeboid.validation import InvalidInput

@@ -106,6 +106,7 @@ def test_a_declared_parameter_of_a_stress_takes_a_quantity_later_too():
         ("changes.v_p0=[[5, 0]]", "changes.v_p0 must be a number with a unit"),
         ("changes.v_p0=[['5 min', '2 um']]", "changes.v_p0 must have the dimension L/T"),
         ("environment.medium=fluid:1", "fluid.viscosity must have a unit"),
+        ("cue.strength=1 um", "got '1 um'; it has no unit, leave that out"),
     ],
 )
 def test_numbers_without_a_unit_are_refused_for_a_cell_with_units(setting, message):
@@ -124,6 +125,7 @@ def test_quantities_without_a_cell_with_units_name_the_remedy(setting):
     [
         ('physical = "yes"', "physical must be true or false, got 'yes'"),
         ("[units]\nlength = 1.0", "[units] must have length, time, mass, filaments"),
+        ("[units]\nlength=1e-200\ntime=1.0\nmass=1.0\nfilaments=1e200", "double precision"),
         ("[units]\nlength=1.0\ntime=-1.0\nmass=1.0\nfilaments=1.0", "each a number > 0"),
         (
             "physical = true\n[units]\nlength=1.0\ntime=1.0\nmass=1.0\nfilaments=1.0",
@@ -258,6 +260,10 @@ def test_a_sweep_of_runs_takes_times_with_units(tmp_path, capsys):
     table = am.load_sweep(tmp_path / "s")
     assert table["t"].values == pytest.approx([5.0, 5.0])
     assert table["t"].attrs["units"] == "s"
+    document["vary"] = {"time.end": ["1 s", "2 um"]}
+    (tmp_path / "u.toml").write_text(toml_text(document))
+    assert main(["sweep", str(tmp_path / "u.toml"), "--dry-run"]) == 2
+    assert "time.end must have the dimension T" in capsys.readouterr().err
     document["solver"]["time"]["end"] = 5
     (tmp_path / "t.toml").write_text(toml_text(document))
     assert main(["sweep", str(tmp_path / "t.toml")]) == 2
@@ -275,6 +281,8 @@ def test_a_sweep_of_runs_takes_times_with_units(tmp_path, capsys):
         ("t > '5 parrots'", "its unit is unknown"),
         ("t > '5 K'", "must be a quantity of length, time and mass"),
         ("t > '3'", "with t and '3'"),
+        ("t**'5 s' > 3", "an exponent in a condition must be a number"),
+        ("t > '5 s'*1e400", "inf is not a number"),
     ],
 )
 def test_a_condition_on_a_cell_with_units_compares_one_dimension(condition, message):

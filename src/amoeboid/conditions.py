@@ -9,6 +9,7 @@ quotes, "t > '5 min'", and what is compared or added must have one dimension.
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping
 from itertools import pairwise
@@ -111,8 +112,10 @@ def _why_not(node: ast.expr, truth: bool) -> str:
     elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
         parts = [(node.operand, False)]
     elif isinstance(node, ast.Constant):
-        number = isinstance(node.value, int | float) and not isinstance(node.value, bool)
-        return "" if number or _is_quantity(node) else f"{node.value!r} is not a number"
+        value = node.value
+        real = isinstance(value, int | float) and not isinstance(value, bool)
+        finite = isinstance(value, int | float) and math.isfinite(value)
+        return "" if (real and finite) or _is_quantity(node) else f"{value!r} is not a number"
     elif isinstance(node, ast.Name):
         return _unknown(node.id)
     elif isinstance(node, ast.Attribute) and ast.unparse(node.value) in RELATIONS:
@@ -181,6 +184,11 @@ def _dimension(node: Any, text: str, p: Parameters) -> Powers | None:
         power = node.right.value if isinstance(node.right, ast.Constant) else None
         if isinstance(power, int | float):
             return _times(left, power)
+        if right not in (None, NUMBER):
+            raise InvalidInput(
+                f"an exponent in a condition must be a number, got {ast.unparse(node.right)} in "
+                f"{text!r}"
+            )
         return NUMBER if left == NUMBER else None
     shift = _times(right, 1.0 if isinstance(node.op, ast.Mult) else -1.0)
     if left is None or shift is None:

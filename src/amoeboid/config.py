@@ -16,6 +16,7 @@ from amoeboid.model.changes import Changes
 from amoeboid.model.cues import Cue, written_cue
 from amoeboid.model.inputs import Inputs, inputs_of
 from amoeboid.model.parameters import (
+    DIMENSIONS,
     RELATIONS,
     Parameters,
     refuse_unwritable_relations,
@@ -314,7 +315,10 @@ def _units(given: Any, physical: bool) -> Units | None:
             "a file must have either [units], for plain numbers, or physical = true, got both; "
             "leave one out"
         )
-    return Units(**given)
+    units = Units(**given)
+    for dimension in DIMENSIONS.values():
+        units.of(dimension)  # refuses sizes beyond double precision
+    return units
 
 
 def _together(file: Any, settings: Mapping[str, Any]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import re
 import tomllib
 from collections.abc import Callable, Iterable
@@ -10,6 +11,7 @@ from dataclasses import Field, field, fields
 from difflib import get_close_matches
 from itertools import pairwise
 from numbers import Integral, Real
+from pathlib import Path
 from typing import Any
 
 
@@ -155,6 +157,14 @@ def is_text(value: str) -> bool:
     return "\0" not in value
 
 
+def path_of(given: Any, what: str) -> Path:
+    """A path that a user gives. Raises InvalidInput, naming `what`, for what names no file."""
+    text = os.fspath(given) if isinstance(given, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or not is_text(text):
+        raise InvalidInput(f"{what} must be a path, a text or pathlib.Path, got {given!r:.100}")
+    return Path(text)
+
+
 def toml_document(text: str, what: str) -> dict[str, Any]:
     """The tables of a TOML text. Raises InvalidInput, naming `what`, if it is not valid TOML."""
     try:
@@ -198,16 +208,18 @@ def _checked(name: str, value: Any, f: Field[Any]) -> Any:
     try:
         return _converted(value, f)
     except _Unfit as unfit:
-        remedy = _remedy(value) if f.metadata["kind"] is float else ""
+        remedy = _remedy(value, f.metadata.get("unit", "")) if f.metadata["kind"] is float else ""
         message = f"{name} must be {rule(f)}, got {value!r}{remedy}"
         raise InvalidInput(message) from unfit.__cause__
 
 
-def _remedy(value: Any) -> str:
+def _remedy(value: Any, unit: str) -> str:
     """What to do about a text where a number is due, as far as it shows what was meant."""
     if DECIMAL_COMMA.fullmatch(str(value)):
         return "; write a decimal point"
     if isinstance(value, str) and WITH_UNIT.match(value):
+        if unit in ("", "1"):
+            return "; it has no unit, leave that out"
         return (
             "; values with units need a cell with units: --physical on the command line, "
             "physical = true at the head of a file, Parameters.physical in Python"

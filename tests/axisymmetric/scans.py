@@ -14,7 +14,8 @@ from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.steady import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count, resampled
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, follow, parameter_derivative
+from amoeboid.numerics.branch_points import Options, parameter_derivative
+from amoeboid.numerics.continuation import follow
 
 CELLS = {
     "exponential": Parameters(D=0.4),

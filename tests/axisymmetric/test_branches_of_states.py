@@ -14,7 +14,7 @@ from amoeboid.closed_forms.amplitude import cubic_coefficient
 from amoeboid.closed_forms.linear import critical_speed, finite_pressure_matrix, growth_rate
 from amoeboid.closed_forms.points import infinite_pressure
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, at_distance, through
+from amoeboid.numerics.branch_points import Options, at_distance, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
 from amoeboid.validation import InvalidInput

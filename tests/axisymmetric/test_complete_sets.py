@@ -11,7 +11,7 @@ from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.axisymmetric.steady import strong_residual
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, at_distance, started
+from amoeboid.numerics.branch_points import Options, at_distance, started
 from amoeboid.validation import InvalidInput
 from axisymmetric.scans import CELLS, Reference, rear, spaced
 

@@ -8,7 +8,7 @@ import json
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.bifurcations import branch_point
+from amoeboid.axisymmetric.bifurcations import branch_points
 from amoeboid.axisymmetric.branches import branch_from_sphere
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.search import steady_solutions
@@ -16,7 +16,8 @@ from amoeboid.axisymmetric.steady import strong_residual
 from amoeboid.axisymmetric.window import Window
 from amoeboid.cli.main import main
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, follow
+from amoeboid.numerics.branch_points import Options
+from amoeboid.numerics.continuation import follow
 
 STEPS = Options(parameter_scale=5.0, max_step=0.2)
 SOFT = Parameters(D=0.4, delta_P=11.0)
@@ -53,7 +54,7 @@ def test_a_cell_without_pressure_polarizes_and_deforms():
     p = Parameters(D=0.4, delta_P=0.0)
     points = []
     for point in follow(branch_tangent(p, "v_p0", onset_speed(p), STEPS), STEPS):
-        points.append(branch_point(point, p, "v_p0"))
+        points.extend(branch_points([point], p, "v_p0"))
         if point.parameter > 6.5:
             break
     assert points[-1].value > 6.5

@@ -7,7 +7,7 @@ from amoeboid.axisymmetric import paths
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.steady import SteadySystem
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, Unresolved, through
+from amoeboid.numerics.branch_points import Options, Unresolved, through
 
 
 @pytest.fixture(scope="module")

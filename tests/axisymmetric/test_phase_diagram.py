@@ -21,7 +21,7 @@ from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.linear import critical_pressure, critical_speed
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import continuation
-from amoeboid.numerics.continuation import Options
+from amoeboid.numerics.branch_points import Options
 from amoeboid.validation import InvalidInput
 
 
@@ -196,7 +196,7 @@ def test_a_crossing_that_newton_misses_is_not_taken_for_none(monkeypatch):
         if arc.holds(value):
             raise continuation.Stalled("lost on purpose")
 
-    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.at_value", lost)
+    monkeypatch.setattr("amoeboid.axisymmetric.phase_diagram.unknowns_at", lost)
     column = phase_column(Parameters(D=0.4), 0.4, speeds)
     assert [REGIONS[k] for k in column.regions] == ["rest", "unresolved", "unresolved"]
 

@@ -12,7 +12,8 @@ from amoeboid.axisymmetric.window import Window
 from amoeboid.cli.main import main
 from amoeboid.cli.progress import shown
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, follow, through
+from amoeboid.numerics.branch_points import Options, through
+from amoeboid.numerics.continuation import follow
 
 
 def test_a_branch_reports_every_point_and_then_its_stability():

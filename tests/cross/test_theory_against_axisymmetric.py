@@ -13,7 +13,8 @@ from amoeboid.closed_forms.branch import branch, prediction
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, at_distance, follow
+from amoeboid.numerics.branch_points import Options, at_distance
+from amoeboid.numerics.continuation import follow
 from cross.scripts import script
 from cross.spectral import polarized
 from theory.sample_points import OWN_LAW

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import json
 import re
+import shutil
 import subprocess
 import sys
 from importlib import import_module
@@ -391,6 +392,62 @@ def test_frames_are_chosen_as_in_slices(given, numbers):
 def test_what_chooses_no_frame_is_refused(given):
     with pytest.raises(am.InvalidInput, match="fr"):
         selected(given, 5)
+
+
+@pytest.mark.filterwarnings("default")  # the command shows it
+def test_frames_without_a_time_series_are_exported_and_it_is_told(runs, tmp_path, capsys):
+    folder = tmp_path / "alone"
+    shutil.copytree(runs / "plain", folder)
+    (folder / "timeseries.csv").unlink()
+    for name, files in (("csv", ["profiles.csv"]), ("netcdf", ["alone.nc"])):
+        assert main(["export", str(folder), "--to", name, "-o", str(tmp_path / name)]) == 0
+        assert sorted(path.name for path in (tmp_path / name).iterdir()) == files
+        assert capsys.readouterr().err == (
+            "amoeboid export: the run has no time series; only its frames are exported\n"
+        )
+    xarray = pytest.importorskip("xarray", reason="the extra amoeboid[data]")
+    with xarray.open_dataset(tmp_path / "netcdf" / "alone.nc") as data:
+        assert "step" not in data.sizes
+        np.testing.assert_allclose(data.c[-1], am.load(folder).frames[-1].c)
+    (folder / "frames.pvd").unlink()
+    assert main(["export", str(folder), "--to", "csv"]) == 2
+    assert "csv needs a time series or frames, the run has none" in capsys.readouterr().err
+
+
+MANY = """
+import resource, sys
+import amoeboid as am
+run = am.load(sys.argv[1])
+run.export(sys.argv[2], sys.argv[3], frames=f":{sys.argv[4]}", force=True)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["netcdf", "gif", "mp4", "csv", "vtp"])
+def test_exports_of_many_frames_need_no_more_memory_than_those_of_few(tmp_path, name):
+    if name == "mp4" and find_spec("imageio_ffmpeg") is None:
+        pytest.skip("the extra amoeboid[movie]")
+    folder, count = tmp_path / "many", 1000 if name in ("netcdf", "csv") else 300
+    run = am.simulate(PLAIN, mesh=am.Icosphere(2), until=am.time(0.2), folder=folder)
+    listed = (folder / "frames.pvd").read_text().splitlines(keepends=True)
+    frame, end = (folder / "frames/frame_00001.vtp").read_bytes(), run.frames[-1].state.t
+    for k in range(count):
+        (folder / f"frames/frame_{k:05d}.vtp").write_bytes(frame)
+    entries = [
+        f'    <DataSet timestep="{end * k / count!r}" part="0" file="frames/frame_{k:05d}.vtp"/>\n'
+        for k in range(count)
+    ]
+    (folder / "frames.pvd").write_text("".join([*listed[:3], *entries, *listed[-2:]]))
+    kilobytes = []
+    for frames in (100, count):
+        found = subprocess.run(
+            [sys.executable, "-c", MANY, str(folder), str(tmp_path / "out"), name, str(frames)],
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        kilobytes.append(int(found.stdout))
+    # all frames together have 22 MB of numbers; variables of NetCDF keep a chunk of 1 MB each
+    assert kilobytes[1] - kilobytes[0] < (9000 if name == "netcdf" else 3000)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Parameters from measurements: found again, with errors that hold, and told where they do not."""
 
 import pickle
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -302,6 +303,66 @@ def test_a_parameter_of_a_law_is_found():
     assert found.parameters.value("law.n") == pytest.approx(
         3.0, rel=3.5 * found.relative_errors["law.n"]
     )
+
+
+@dataclass(frozen=True)
+class Saturating(am.Stress):
+    """A stress of a user, whose parameters are fitted."""
+
+    strength: float = 0.4
+    half: float = 3.0
+    name = "saturating"
+
+    def value(self, c, c_r):
+        """It grows with c, and no further than strength*half."""
+        return self.strength * c / (1 + c / (self.half * c_r))
+
+
+def power(c, v_p0, c_r, m=1.2):
+    """A law of a user."""
+    return v_p0 * (1 + c / c_r) ** -m
+
+
+OWN = {
+    "chi": P.replace(v_p0=4.5, chi=0.3),
+    "gamma_t": P.replace(v_p0=6.5, gamma_t=5.0),
+    "law.m": P.replace(v_p0=8.5, law=power),
+    "stress.strength": P.replace(v_p0=5.0, stress=Saturating()),
+}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) for n in OWN])
+def test_intervals_of_forces_and_of_laws_of_a_user_hold_the_truth(name):
+    p = OWN[name]
+    held = 0
+    for seed in range(6):
+        found = am.fit(am.synthetic(p, BOTH, seed=seed), [name, "D"], p, starts=1)
+        assert found.converged
+        held += found.interval(name).holds(p.value(name))
+    assert held >= 4  # of intervals of 95 %, fewer in 1 of 450 tests
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_parameters_of_forces_and_of_laws_of_a_user_are_found(name):
+    p = OWN[name]
+    exact = {k: v for k, v in am.synthetic(p, {"c": 1e-9}).items() if "error" not in k}
+    found = am.fit(exact, [name], p.replace(**{name: 0.97 * p.value(name)}), starts=1)
+    assert found.parameters.value(name) == pytest.approx(p.value(name), rel=1e-5)
+
+
+def test_a_range_of_what_the_data_do_not_determine_ends_where_it_was_sought():
+    p = P.replace(kappa=1.0)
+    found = am.fit(am.synthetic(p, {"c": 0.3}), ["kappa"], p, starts=1)
+    assert found.relative_errors["kappa"] > 1000
+    assert found.text("kappa") == "0.001 to 1e+03"
+
+
+def test_a_fraction_is_not_sought_above_1():
+    p = P.replace(v_p0=6.5, gamma_t=1.0, gamma_share=0.5)
+    found = am.fit(am.synthetic(p, {"c": 0.3}), ["gamma_share"], p, starts=1)
+    assert found.text("gamma_share").endswith(" to 1")
+    with pytest.raises(am.InvalidInput, match="below its largest value, 1 of gamma_share, got 1;"):
+        am.fit(am.synthetic(P, {"c": 0.3}), ["gamma_share"], p.replace(gamma_share=1.0))
 
 
 def test_progress_tells_values_in_the_units_of_the_user():

@@ -186,6 +186,23 @@ def test_a_kernel_is_compiled_anew_once_what_it_calls_or_uses_has_changed():
     assert len({same, *others}) == 4
 
 
+def test_a_kept_kernel_is_loaded_without_what_numba_compiles_arrays_with(folder):
+    """Its import takes longer than to load all kernels of a run."""
+    code = (
+        "import sys\n"
+        "import numpy as np\n"
+        "from amoeboid.meshes.operators import normal_projection\n"
+        "from amoeboid.meshes.connectivity import connectivity, icosahedron\n"
+        "r, faces = icosahedron()\n"
+        "mesh = connectivity(faces)\n"
+        "found = normal_projection(np.ones(len(mesh.columns)), r, mesh)\n"
+        "print('numba.np.arrayobj' in sys.modules, found.sum().hex())\n"
+    )
+    first, second = (program(code, NUMBA_CACHE_DIR=str(folder)) for _ in range(2))
+    assert first.stdout.split()[0] == "True", first.stderr
+    assert second.stdout.split() == ["False", first.stdout.split()[1]], second.stderr
+
+
 def test_names_of_kernels_are_the_same_in_every_program():
     code = (
         "from amoeboid.numerics.sparse.cholesky import _factorized\n"

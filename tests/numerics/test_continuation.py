@@ -5,20 +5,23 @@ from itertools import islice
 
 import numpy as np
 import pytest
+from scipy.linalg.lapack import dgetrf
 
-from amoeboid.numerics.arcs import Arc, _bracketed, _direct, arcs, at_value
-from amoeboid.numerics.continuation import (
+from amoeboid.numerics.arcs import Arc, _bracketed, _direct, arcs, at_value, unknowns_at
+from amoeboid.numerics.branch_points import (
     Options,
     Stalled,
-    _bend,
     at_distance,
     at_parameter,
-    follow,
-    located,
+    residual_and_bordered,
+    slope_row,
     started,
     through,
+    with_tangent,
 )
-from amoeboid.numerics.newton import newton
+from amoeboid.numerics.continuation import _bend, _extrapolated, follow
+from amoeboid.numerics.locating import located
+from amoeboid.numerics.newton import Factor, newton
 from amoeboid.numerics.singular import fold_system
 from amoeboid.validation import InvalidInput
 
@@ -197,3 +200,54 @@ def test_a_step_does_not_lead_to_another_branch():
     across = at_distance(a, 0.1, options, np.array([-0.1, 0.1]))
     assert across.x[0] == pytest.approx(across.parameter - 0.2)
     assert _bend(a, across, options) > 0.5
+
+
+def test_a_tangent_refined_from_a_jacobian_nearby_is_exact():
+    begin, options = start()
+    for point in islice(follow(begin, options), 20):
+        row = slope_row(point, options)
+        shifted = np.append(point.x + 1e-3, point.parameter)
+        _, matrix = residual_and_bordered(point.system, shifted, row, 0.0)
+        near = Factor(*dgetrf(matrix.T)[:2])
+        exact, refined = with_tangent(point, row, options), with_tangent(point, row, options, near)
+        assert refined.x_tangent == pytest.approx(exact.x_tangent, abs=2e-10)
+        assert refined.parameter_tangent == pytest.approx(exact.parameter_tangent, abs=2e-10)
+
+
+def test_a_tangent_is_exact_where_refinement_does_not_converge():
+    begin, options = start()
+    [point] = islice(follow(begin, options), 1)
+    row = slope_row(point, options)
+    _, matrix = residual_and_bordered(point.system, np.array([0.1, 0.0]), row, 0.0)
+    far = Factor(*dgetrf(matrix.T)[:2])
+    exact = with_tangent(point, row, options)
+    assert with_tangent(point, row, options, far) == exact
+
+
+def test_the_guess_of_the_next_point_is_of_fourth_order():
+    begin, options = start()
+    here = at_distance(begin, 0.5, options)
+    errors = []
+    for step in (0.2, 0.1, 0.05):
+        before = at_distance(here, -step, options)
+        guess = _extrapolated(before, here, step, options)
+        found = at_distance(here, step, options)
+        errors.append(abs(guess[0] - found.x[0]))
+    assert np.log2(np.array(errors[:-1]) / errors[1:]) == pytest.approx(4.0, abs=0.4)
+
+
+def test_nothing_is_guessed_from_a_point_too_near():
+    begin, options = start()
+    here = at_distance(begin, 0.5, options)
+    before = at_distance(here, -0.01, options)
+    assert _extrapolated(before, here, 0.1, options) is None
+    assert _extrapolated(None, here, 0.1, options) is None
+
+
+def test_unknowns_at_a_value_are_those_of_the_point():
+    begin, options = start()
+    for arc in arcs(begin, options):
+        value = arc.a.parameter + 0.3 * (arc.b.parameter - arc.a.parameter)
+        assert unknowns_at(arc, value, options) == at_value(arc, value, options).x
+        if arc.b.parameter > 8.0:
+            break

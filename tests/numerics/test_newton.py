@@ -87,3 +87,10 @@ def test_a_whole_step_is_taken_where_the_next_is_far_shorter_however_equations_a
     assert result.converged
     assert result.residuals[1] > 2 * result.residuals[0]
     assert result.steps[1] < 0.1 * result.steps[0]
+
+
+def test_factors_of_the_last_jacobian_are_those_at_the_solution_to_first_order():
+    result = newton(cubic, cubic_and_jacobian, np.array([1.05, 2.05]))
+    assert result.jacobian.solve(np.array([3.0, 12.0])) == pytest.approx([1.0, 1.0], rel=0.02)
+    none = newton(lambda x: x, lambda x: (x, np.zeros((2, 2))), np.ones(2))
+    assert none.jacobian is None

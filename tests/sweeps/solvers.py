@@ -75,6 +75,20 @@ def batched(p):
 batched.batch, batched.batch_size = many, 4
 
 
+def sums(cells):
+    """Answers that depend on all cells side by side."""
+    total = sum(p.v_p0 for p in cells)
+    return [p.v_p0 / total for p in cells]
+
+
+def summed(p):
+    """The same for one cell."""
+    return sums([p])[0]
+
+
+summed.batch, summed.batch_size = sums, 4
+
+
 def whole(folder):
     """All that a test compares of a sweep's folder: its table, and what was computed, in order."""
     found = am.load_sweep(folder)

@@ -8,12 +8,13 @@ import signal
 import subprocess
 import sys
 import time
-from itertools import pairwise
+from itertools import pairwise, product
 from pathlib import Path
 
 import pytest
 
 import amoeboid as am
+from amoeboid.cli.main import main
 from amoeboid.sweeps.evaluation import STATUSES
 from amoeboid.sweeps.folder import SweepFolder, read_manifest
 from sweeps import solvers
@@ -85,6 +86,32 @@ def test_a_killed_sweep_that_is_continued_has_the_same_table_bit_for_bit(tmp_pat
     assert extra <= kills * max(1, 2 * workers)
 
 
+def test_points_side_by_side_have_the_same_bits_wherever_their_sweep_was_killed(tmp_path):
+    points = am.grid(v_p0={"linspace": [1, 9, 10]})
+    am.sweep(points, solvers.summed, folder=tmp_path / "whole")
+    data = (tmp_path / "whole" / "results" / "1-of-1.jsonl").read_bytes()
+    file = tmp_path / "killed" / "results" / "1-of-1.jsonl"
+    am.sweep(points, solvers.summed, folder=tmp_path / "killed")
+    for size in [*range(0, len(data), 37), len(data) - 1]:
+        file.write_bytes(data[:size])  # as a kill in the midst of writing leaves it
+        assert am.load_sweep(tmp_path / "killed").done in (0, 4, 8)
+        am.sweep(points, solvers.summed, folder=tmp_path / "killed")
+        assert file.read_bytes() == data, size
+    assert solvers.whole(tmp_path / "killed") == solvers.whole(tmp_path / "whole")
+
+
+def test_a_strange_number_of_points_side_by_side_loses_no_later_ones(tmp_path):
+    points = am.grid(v_p0={"linspace": [1, 9, 8]})
+    am.sweep(points, solvers.summed, folder=tmp_path)
+    file = tmp_path / "results" / "1-of-1.jsonl"
+    whole = file.read_text()
+    for strange in ("1e3", "-4", "null", "[4]", "0", "{"):
+        file.write_text(whole.replace('"together": 4', f'"together": {strange}', 1))
+        assert am.load_sweep(tmp_path).done == 8
+    file.write_text(whole.replace('"together": 4', '"together": 5', 1))
+    assert am.load_sweep(tmp_path).done == 4  # as if the first four were not all there
+
+
 def test_what_is_done_is_not_done_again_and_more_points_are_added(tmp_path):
     counted = []
 
@@ -120,7 +147,7 @@ def test_results_of_another_version_are_computed_anew_also_with_a_key(tmp_path, 
     for _ in range(2):
         am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
     assert len(counted) == 2
-    monkeypatch.setattr("amoeboid.sweeps.sweep.version", lambda _: "0.0.0")
+    monkeypatch.setattr("amoeboid.sweeps.computation.version", lambda _: "0.0.0")
     am.sweep(am.grid(v_p0=[1, 2]), count, folder=tmp_path, key="a")
     assert len(counted) == 4
 
@@ -244,12 +271,31 @@ def test_shards_that_mean_different_things_are_not_mixed(tmp_path):
     assert "in µm / s at one and a single number in nm / s at another" in found.failed[0].why
 
 
+def test_a_merge_tells_of_shards_that_other_code_has_computed(tmp_path, monkeypatch, capsys):
+    points = am.grid(v_p0=[1, 2, 3, 4, 5])
+    with monkeypatch.context() as older:
+        older.setattr("amoeboid.sweeps.computation.version", lambda _: "0.0.0")
+        am.sweep(points, solvers.square, folder=tmp_path, shard=(1, 2))
+    am.sweep(points, solvers.square, folder=tmp_path, shard=(2, 2))
+    found = am.load_sweep(tmp_path)
+    assert (found.done, found.outdated) == (2, 3)
+    assert "3 results in the folder are those of another version" in repr(found)
+    assert main(["sweep", "--merge", str(tmp_path)]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("amoeboid sweep: 3 of 5 points are missing: not computed yet, or comp")
+    assert err.endswith("compute all shards with the same one\n")
+    # and no more where they were computed anew
+    assert am.sweep(points, solvers.square, folder=tmp_path).missing == ""
+    assert am.load_sweep(tmp_path).complete
+
+
 def test_points_that_no_shard_has_computed_yet_are_missing(tmp_path):
     am.sweep(am.grid(v_p0=[1, 2, 3]), solvers.square, folder=tmp_path / "a", shard=(1, 2))
     found = am.load_sweep(tmp_path / "a")
     assert found["status"].values.tolist() == ["ok", "missing", "ok"]
     assert not found.complete
     assert found.done == 2
+    assert repr(found).endswith("\n- 1 of 3 points are missing: not computed yet")
 
 
 @pytest.mark.parametrize(
@@ -289,6 +335,22 @@ def test_folders_of_something_else_and_of_a_newer_format_are_refused(tmp_path):
         manifest.write_text(text)
         with pytest.raises(am.InvalidInput, match="must be the manifest of a sweep"):
             am.load_sweep(tmp_path / "a")
+
+
+def test_what_is_no_path_is_refused():
+    points = am.grid(v_p0=[1])
+    run = am.simulate(mesh=am.Icosphere(1), until=am.time(0.1))
+    calls = (
+        am.load_sweep,
+        am.load,
+        am.sweep(points, solvers.square).save,
+        run.save,
+        run.export,
+        lambda path: am.sweep(points, solvers.square, folder=path),
+    )
+    for call, path in product(calls, (3, b"a", "", "a\0b", "\ud800")):
+        with pytest.raises(am.InvalidInput, match=r"must be a path, a text or pathlib\.Path"):
+            call(path)
 
 
 def test_damaged_lines_do_not_count(tmp_path):

@@ -8,6 +8,24 @@ import amoeboid as am
 CELL = am.Parameters.physical(D="1 um^2/s")
 
 
+def test_laws_of_one_name_are_told_apart_by_their_numbers():
+    expression = "v_p0/(1 + (c/c_r)**n)"
+    laws = [am.Custom(expression, n=2), am.Custom(expression, n=3)]
+    found = am.sweep(am.grid(law=laws), am.theory, record=["threshold"])
+    assert found["law"].values.tolist() == [f"{expression} (n = 2)", f"{expression} (n = 3)"]
+    assert found["threshold"].values[0] != found["threshold"].values[1]
+    found = am.sweep(am.grid(law=[hill, "inverse", "none such"]), am.theory)
+    assert found["law"].values.tolist() == ["hill", "inverse", "none such"]
+    assert found.counts == {"ok": 2, "failed": 1}
+    with pytest.raises(am.InvalidInput, match="the values of law must differ in a grid"):
+        am.grid(law=[hill, hill])
+
+
+def hill(c, v_p0, c_r, n=2.0):
+    """A law of a user, a function."""
+    return v_p0 / (1 + (c / c_r) ** n)
+
+
 def test_a_grid_holds_all_combinations():
     points = am.grid(D=[0.1, 0.4], v_p0=[4, 5, 6])
     assert (points.dims, points.shape, len(points)) == (("D", "v_p0"), (2, 3), 6)

@@ -9,40 +9,40 @@ from functools import cached_property
 from itertools import pairwise
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.linearization import slow_rate
 from amoeboid.axisymmetric.paths import steady_state_at
 from amoeboid.axisymmetric.progress import Progress, Watch
 from amoeboid.axisymmetric.stability import (
     AZIMUTHAL_NUMBERS,
     count_unstable,
     growth_rates,
-    linearization,
+    growth_rates_of,
     neutral_rate,
 )
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import finer
-from amoeboid.numerics.continuation import Options, Point, Stalled, located
+from amoeboid.numerics.branch_points import Options, Point, Stalled
+from amoeboid.numerics.locating import located
 
 
 @dataclass(frozen=True, eq=False)
 class BranchPoint:
-    """A steady state on a branch, the value of the parameter there and the growth rates."""
+    """A steady state on a branch and the value of the parameter there.
+
+    `rates` are the growth rates for m = 0, 1, 2, 3, fastest first [1/time].
+    """
 
     point: Point
     state: SteadySolution
     value: float
-
-    @cached_property
-    def rates(self) -> dict[int, Array]:
-        """Growth rates for m = 0, 1, 2, 3, fastest first [1/time]."""
-        about = linearization(self.state)
-        return {m: about.growth_rates(m) for m in AZIMUTHAL_NUMBERS}
+    rates: dict[int, Array]
 
     @cached_property
     def unstable(self) -> dict[int, int]:
         """Number of unstable modes for m = 0, 1, 2, 3."""
-        p = self.state.parameters
-        return {m: count_unstable(rates, p) for m, rates in self.rates.items()}
+        slow = slow_rate(self.state.parameters)
+        return {m: count_unstable(rates, slow) for m, rates in self.rates.items()}
 
     @property
     def stable(self) -> bool:
@@ -63,9 +63,13 @@ class Bifurcation:
     piece: int = 0
 
 
-def branch_point(point: Point, p: Parameters, name: str) -> BranchPoint:
-    """The steady state of a point of a branch in `name`."""
-    return BranchPoint(point, steady_state_at(p, name, point), point.parameter)
+def branch_points(points: Sequence[Point], p: Parameters, name: str) -> tuple[BranchPoint, ...]:
+    """The steady states of points of a branch in `name`, with their growth rates."""
+    states = [steady_state_at(p, name, point) for point in points]
+    return tuple(
+        BranchPoint(point, state, point.parameter, rates)
+        for point, state, rates in zip(points, states, growth_rates_of(states), strict=True)
+    )
 
 
 def located_bifurcations(
@@ -142,7 +146,7 @@ def _bifurcation(
     if rate(start) * rate(end) >= 0:
         return None
     with suppress(Stalled):
-        at = branch_point(located(start, end, rate, options), p, name)
-        still = neutral_rate(at.rates[m], at.state.parameters)
+        [at] = branch_points([located(start, end, rate, options)], p, name)
+        still = neutral_rate(at.rates[m], slow_rate(at.state.parameters))
         return Bifurcation(m, bool(abs(at.rates[m][k].imag) > still), at)
     return None

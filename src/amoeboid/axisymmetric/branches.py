@@ -15,7 +15,7 @@ from amoeboid.axisymmetric.steady import MODES, SteadySolution, SteadySystem
 from amoeboid.axisymmetric.tracing import BranchSolution, Tracer
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, Stalled, through
+from amoeboid.numerics.branch_points import Options, Stalled, through
 
 
 def branch_from_sphere(

@@ -99,8 +99,8 @@ class AxisymmetricCell:
         # of the differences, so that a uniform field stays what it is to the last bit
         k, coefficients = np.arange(len(field)), self.shape.grid.to_even @ (field - field[0])
 
-        def series(x: Array) -> tuple[Array, Array, Array]:
-            return _even(k, coefficients, _waves(x, k.size))
+        def series(x: Array, derivatives: bool) -> list[Array]:
+            return _even(k, coefficients, _waves(x, k.size), derivatives)
 
         return float(field[0]) + _maximum(series, k.size)
 
@@ -117,16 +117,19 @@ class AxisymmetricCell:
             (_odd, np.arange(1, g.n + 1), g.to_odd @ field[:, 1]),
         )
 
-        def squares(x: Array) -> tuple[Array, Array, Array]:
-            values, slopes, bends = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+        present = [part for part in parts if np.any(part[2])]
+
+        def squares(x: Array, derivatives: bool) -> list[Array]:
             waves = _waves(x, g.n)
-            for series, k, coefficients in parts:
-                if np.any(coefficients):
-                    f, f_x, f_xx = series(k, coefficients, waves)
-                    values += f * f
-                    slopes += 2.0 * f * f_x
-                    bends += 2.0 * (f_x * f_x + f * f_xx)
-            return values, slopes, bends
+            found = [np.zeros_like(x) for _ in range(3 if derivatives else 1)]
+            for series, k, a in present:
+                f, *rest = series(k, a, waves, derivatives)
+                found[0] += f * f
+                if derivatives:
+                    f_x, f_xx = rest
+                    found[1] += 2.0 * f * f_x
+                    found[2] += 2.0 * (f_x * f_x + f * f_xx)
+            return found
 
         return float(np.sqrt(_maximum(squares, g.n)))
 
@@ -158,28 +161,36 @@ def _waves(x: Array, modes: int) -> tuple[Array, Array]:
     return np.sin(phases), np.cos(phases)
 
 
-def _even(k: Array, coefficients: Array, waves: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-    """A cosine series, its slope and the slope of that."""
+def _even(
+    k: Array, coefficients: Array, waves: tuple[Array, Array], derivatives: bool
+) -> list[Array]:
+    """A cosine series, with its slope and the slope of that if wanted."""
     sines, cosines = (wave[:, k[0] : k[-1] + 1] for wave in waves)
-    return cosines @ coefficients, -sines @ (k * coefficients), -cosines @ (k * k * coefficients)
+    if not derivatives:
+        return [cosines @ coefficients]
+    return [cosines @ coefficients, -sines @ (k * coefficients), -cosines @ (k * k * coefficients)]
 
 
-def _odd(k: Array, coefficients: Array, waves: tuple[Array, Array]) -> tuple[Array, Array, Array]:
-    """A sine series, its slope and the slope of that."""
+def _odd(
+    k: Array, coefficients: Array, waves: tuple[Array, Array], derivatives: bool
+) -> list[Array]:
+    """A sine series, with its slope and the slope of that if wanted."""
     sines, cosines = (wave[:, k[0] : k[-1] + 1] for wave in waves)
-    return sines @ coefficients, cosines @ (k * coefficients), -sines @ (k * k * coefficients)
+    if not derivatives:
+        return [sines @ coefficients]
+    return [sines @ coefficients, cosines @ (k * coefficients), -sines @ (k * k * coefficients)]
 
 
-def _maximum(series: Callable[[Array], tuple[Array, Array, Array]], modes: int) -> float:
+def _maximum(series: Callable[[Array, bool], list[Array]], modes: int) -> float:
     """Maximum on [0, pi], the best of a fine grid refined by Newton's method."""
     x = _fine(modes)[0]
-    values = series(x)[0]
+    [values] = series(x, False)
     highest = int(np.argmax(values))
     best, value = x[highest : highest + 1], float(values[highest])
     for _ in range(NEWTON_STEPS):
-        refined, slope, bend = (float(part[0]) for part in series(best))
+        refined, slope, bend = (float(part[0]) for part in series(best, True))
         value = max(value, refined)
         if not bend < 0.0:
             break
         best = np.clip(best - slope / bend, max(x[highest] - x[1], 0.0), x[highest] + x[1])
-    return max(value, float(series(best)[0][0]))
+    return max(value, float(series(best, False)[0][0]))

@@ -2,7 +2,8 @@
 
 Near its origin the polarized branch is v_p0 = threshold + k a^2, a the amplitude of cos(x) in c:
 supercritical for k > 0, subcritical (hysteresis) for k < 0. k = -nu/(d lambda_1/d v_p0) with the
-closed form nu of amoeboid.closed_forms.amplitude at delta_P; here it is measured on the branch.
+closed form nu of amoeboid.closed_forms.amplitude at delta_P; `criticality` measures it on the
+branch.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.unknowns import mode_count, split
+from amoeboid.closed_forms.amplitude import at_threshold
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import Options, Point, at_distance
+from amoeboid.numerics.branch_points import Options, Point, at_distance
 from amoeboid.validation import InvalidInput
 
 DISTANCE = 0.06
@@ -69,29 +71,19 @@ def _estimate(start: Point, threshold: float, distance: float, options: Options)
 def critical_values(p: Parameters, name: str, values: Sequence[float]) -> tuple[float, ...]:
     """Values of the parameter `name` within the ascending `values` where k passes zero.
 
-    Where k changes sign through a pole there is none; a zero and a pole between the same two
-    neighbors hide each other.
+    The zeros of nu in closed form. Where it changes sign through a pole there is none; a zero and a
+    pole between the same two neighbors hide each other.
     """
 
-    def k(value: float) -> float:
-        try:
-            found = criticality(p.replace(**{name: float(value)}))
-        except InvalidInput:
-            found = None
-        if found is None:
-            raise _Undetermined
-        return found
+    def nu(value: float) -> float:
+        return float(at_threshold(p.replace(**{name: float(value)})).nu)
 
     known = []
     for v in values:
-        with suppress(_Undetermined):
-            known.append((float(v), k(v)))
-    roots = (_root(k, a, f, b, g) for (a, f), (b, g) in pairwise(known) if f * g < 0)
+        with suppress(InvalidInput):
+            known.append((float(v), nu(v)))
+    roots = (_root(nu, a, f, b, g) for (a, f), (b, g) in pairwise(known) if f * g < 0)
     return tuple(root for root in roots if root is not None)
-
-
-class _Undetermined(Exception):
-    """There is no value of k here."""
 
 
 def _root(
@@ -101,5 +93,5 @@ def _root(
     try:
         root = float(brentq(function, a, b, xtol=1e-9 * max(abs(a), abs(b))))
         return root if abs(function(root)) <= min(abs(f), abs(g)) else None
-    except _Undetermined:
+    except InvalidInput:
         return None

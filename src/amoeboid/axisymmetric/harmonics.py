@@ -8,7 +8,7 @@ regular at the poles on any smooth axisymmetric surface, and exact eigenfunction
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -30,6 +30,30 @@ class HarmonicBasis:
     over_sine: Array
     over_sine_slopes: Array
     curvatures: Array
+
+    @cached_property
+    def velocities(self) -> Array:
+        """(a, b, w) of the trial velocities (3, nodes, count): (a, i b, w) along (t, e_phi, n).
+
+        Gradients of the harmonics, rotations for m > 0, and the harmonics along the normal.
+        """
+        return self._velocities(self.slopes, self.over_sine, self.values)
+
+    @cached_property
+    def velocity_slopes(self) -> Array:
+        """Their derivatives to x."""
+        return self._velocities(self.curvatures, self.over_sine_slopes, self.slopes)
+
+    def _velocities(self, gradient: Array, around: Array, normal: Array) -> Array:
+        nodes, count = self.values.shape
+        first = 1 if self.degrees[0] == 0 else 0  # the gradient of a constant is no velocity
+        a, b = gradient[:, first:], around[:, first:]
+        if self.degrees[0] > 0:
+            a, b = np.hstack([a, around]), np.hstack([b, gradient])
+        found = np.zeros((3, nodes, a.shape[1] + count))
+        found[0, :, : a.shape[1]], found[1, :, : a.shape[1]] = a, b
+        found[2, :, a.shape[1] :] = normal
+        return found
 
 
 @lru_cache(maxsize=160)

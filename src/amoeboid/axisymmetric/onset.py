@@ -16,7 +16,7 @@ from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknow
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import proportional_to_speed, thresholds
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import COMPLEX_STEP, Options, Point, started
+from amoeboid.numerics.branch_points import COMPLEX_STEP, Options, Point, started
 from amoeboid.validation import InvalidInput
 
 LARGEST_SPEED = 1e12

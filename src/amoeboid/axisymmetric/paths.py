@@ -21,16 +21,16 @@ from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
 from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
-from amoeboid.numerics.continuation import (
+from amoeboid.numerics.branch_points import (
     Options,
     Point,
     Stalled,
     Unresolved,
     at_distance,
-    follow,
-    located,
     slope_row,
 )
+from amoeboid.numerics.continuation import follow
+from amoeboid.numerics.locating import located
 from amoeboid.validation import InvalidInput
 
 SAME = 1e-6
@@ -89,6 +89,7 @@ class Path:
     unresolved: Arc | None = None
     count: int = field(default=0, init=False)
     _finer: float = field(default=1.0, init=False)
+    _deviations: list[tuple[Point, Array]] = field(default_factory=list, init=False, repr=False)
 
     def __iter__(self) -> Iterator[Arc]:
         here: Point | None = self.start
@@ -218,7 +219,14 @@ class Path:
         return []
 
     def _deviation(self, point: Point) -> Array:
-        """The scaled difference of shape, flow and concentration from the sphere."""
+        """The scaled difference of shape, flow and concentration from the sphere, kept for two."""
+        for known, deviation in self._deviations:
+            if known is point:
+                return deviation
+        self._deviations = [*self._deviations[-1:], (point, self._difference(point))]
+        return self._deviations[-1][1]
+
+    def _difference(self, point: Point) -> Array:
         at = point.system.point(np.array([point.parameter]))  # type: ignore[attr-defined]
         difference = point.x - homogeneous_unknowns(at, modes_of(point))
         scaled = difference * np.sqrt(point.system.weights)

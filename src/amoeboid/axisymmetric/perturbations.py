@@ -5,13 +5,15 @@ See `stability` for the equations.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.harmonics import HarmonicBasis
-from amoeboid.axisymmetric.spectral import even_basis, odd_basis
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.axisymmetric.surroundings import (
     bending_load,
@@ -21,7 +23,6 @@ from amoeboid.axisymmetric.surroundings import (
 )
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.forces import friction
-from amoeboid.model.parameters import Parameters
 from amoeboid.model.stress import principal_stresses
 from amoeboid.numerics.newton import solve
 
@@ -34,7 +35,10 @@ The size of the mode of rotation, in natural units, from which on it counts.
 
 @dataclass(frozen=True)
 class Base:
-    """The steady state at the nodes of a basis; every entry has shape (nodes, 1)."""
+    """The steady state at the nodes of a basis; every entry has shape (nodes, 1).
+
+    Or several states, each entry (states, nodes, 1): everything here broadcasts.
+    """
 
     measure: Array
     r: Array
@@ -63,31 +67,58 @@ def base_fields(state: SteadySolution, basis: HarmonicBasis) -> Base:
     """The fields of a steady state that the linearization needs, at the nodes of the basis."""
     n, scale, p = state.n, state.length_scale, state.parameters
     a_psi, a_u, a_c, scalars = split(state.x, n)
-    x = basis.x
-    sines, cosines = odd_basis(x, n), even_basis(x, n)
-    k = np.arange(1, n + 1)
+    x, waves = basis.x, _waves(basis, 2 * n)
+    sines, cosines, k = waves.sines, waves.cosines, waves.k
     psi = x + sines[:, : n - 1] @ a_psi
-    psi_slope = 1.0 + (cosines[:, 1:] * k[:-1]) @ a_psi
-    even_slopes = -(sines * k)
-    odd_slopes = np.cos(np.outer(x, k)) * k
-    r, z = state.position(x)
-    u, c = sines @ a_u, cosines @ a_c
-    u_slope, c_slope = odd_slopes @ a_u, even_slopes[:, : n - 1] @ a_c[1:]
+    bent = k[: n - 1] * a_psi
+    psi_slope = 1.0 + cosines[:, : n - 1] @ bent
+    runs, rises, middle = state.meridian
+    r, z = scale * (sines @ runs), scale * (cosines @ rises - middle)
+    u, c = sines[:, :n] @ a_u, a_c[0] + cosines[:, : n - 1] @ a_c[1:]
+    u_slope = cosines[:, :n] @ (k[:n] * a_u)
+    c_slope = -sines[:, : n - 1] @ (k[: n - 1] * a_c[1:])
     speed, slope = p.v_p_derivatives(c, 1)
-    kappa_1, kappa_2 = psi_slope / scale, np.sin(psi) / r
+    sin_psi, cos_psi = np.sin(psi), np.cos(psi)
+    cot = cos_psi / r
+    kappa_1, kappa_2 = psi_slope / scale, sin_psi / r
     stretch_1 = u_slope / scale - kappa_1 * speed
-    stretch_2 = np.cos(psi) / r * u - kappa_2 * speed
+    stretch_2 = cot * u - kappa_2 * speed
     tau, tau_slope = p.tau_derivatives(c, 1)
     sigma_1, sigma_2 = principal_stresses(stretch_1, stretch_2, tau, scalars[1], p)
     measure = basis.weights * scale * r / np.sin(x)
+    bends = (  # first and second derivative of kappa_1
+        -sines[:, : n - 1] @ (k[: n - 1] * bent) / scale**2,
+        -cosines[:, : n - 1] @ (k[: n - 1] ** 2 * bent) / scale**3,
+    )
     entries = (
-        measure, r, z, np.sin(psi), np.cos(psi), kappa_1, kappa_2, u, -speed,
+        measure, r, z, sin_psi, cos_psi, kappa_1, kappa_2, u, -speed,
         stretch_1, stretch_2, -slope * c_slope / scale - kappa_1 * u,
         sigma_1, sigma_2, c, c_slope / scale, slope, tau_slope,
         np.full(x.size, -scalars[2] / friction.unit(p) if p.has_friction else 0.0),
-        *slopes_of_H(state, x, psi, r),
+        *slopes_of_H(kappa_1, *bends, kappa_2, cot),
     )  # fmt: skip
     return Base(*(e[:, None] for e in entries))
+
+
+def together(bases: Sequence[Base]) -> Base:
+    """Several states at the nodes of the same basis as one."""
+    return Base(*map(np.array, zip(*(vars(base).values() for base in bases), strict=True)))
+
+
+@dataclass(frozen=True)
+class _Waves:
+    """sin(k x) and cos(k x) at the nodes, k = 1..count, one column each."""
+
+    k: Array
+    sines: Array
+    cosines: Array
+
+
+@lru_cache(maxsize=64)
+def _waves(basis: HarmonicBasis, count: int) -> _Waves:
+    k = np.arange(1, count + 1)
+    phases = np.outer(basis.x, k)
+    return _Waves(k, np.sin(phases), np.cos(phases))
 
 
 @dataclass(frozen=True)
@@ -95,7 +126,7 @@ class Trial:
     """Basis velocities (a, i b, w) and the strain rates they make, one column each.
 
     `stretch_1`, `stretch_2` are the extension rates, i `shear` twice the shear rate; `lean` is the
-    n component of dv/ds, i `tilt` that of dv/(r dphi).
+    n component of dv/ds, i `tilt` that of dv/(r dphi). Velocities are the same about every state.
     """
 
     a: Array
@@ -108,21 +139,11 @@ class Trial:
     tilt: Array
 
 
-def trial_velocities(base: Base, basis: HarmonicBasis, scale: float) -> Trial:
+def trial_velocities(base: Base, basis: HarmonicBasis, scale: Any) -> Trial:
     """Gradients and rotations of the harmonics, and the harmonics along the normal."""
-    m = int(basis.degrees[0])
-    tangent = slice(1, None) if m == 0 else slice(None)
-    P, slope, over = basis.values, basis.slopes[:, tangent], basis.over_sine[:, tangent]
-    slope_s, over_s = basis.curvatures[:, tangent], basis.over_sine_slopes[:, tangent]
-    none, still = np.zeros((P.shape[0], 0)), np.zeros_like(P)
-    rotation = (none, none, none, none) if m == 0 else (over, slope, over_s, slope_s)
-    a = np.hstack([slope, rotation[0], still])
-    b = np.hstack([over, rotation[1], still])
-    a_s = np.hstack([slope_s, rotation[2], still]) / scale
-    b_s = np.hstack([over_s, rotation[3], still]) / scale
-    w = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), P])
-    w_s = np.hstack([np.zeros((P.shape[0], a.shape[1] - P.shape[1])), basis.slopes]) / scale
-    wave, cot = m / base.r, base.cos_psi / base.r
+    a, b, w = basis.velocities
+    a_s, b_s, w_s = (slope / scale for slope in basis.velocity_slopes)
+    wave, cot = int(basis.degrees[0]) / base.r, base.cos_psi / base.r
     return Trial(
         a=a,
         b=b,
@@ -148,7 +169,7 @@ class Perturbed:
     wave: Array
 
 
-def perturbed_fields(base: Base, basis: HarmonicBasis, scale: float) -> Perturbed:
+def perturbed_fields(base: Base, basis: HarmonicBasis, scale: Any) -> Perturbed:
     """The harmonics at the nodes."""
     slopes, wave = basis.slopes / scale, basis.degrees[0] / base.r
     along = basis.curvatures / scale**2 + base.cos_psi / base.r * slopes
@@ -166,7 +187,7 @@ def rigid_motions(base: Base, m: int) -> list[tuple[Array, Array, Array]]:
 
 
 def velocity_response(
-    p: Parameters,
+    p: Any,
     base: Base,
     trial: Trial,
     fields: Perturbed,
@@ -180,37 +201,70 @@ def velocity_response(
     velocities = np.concatenate([trial.a, trial.b, trial.w])
     if p.has_friction:
         rigid = []  # none is free
-    borders = [
-        velocities.T @ np.concatenate([base.measure * v for v in motion]) for motion in rigid
-    ]
+    borders = [velocities.T @ _below([base.measure * v for v in motion]) for motion in rigid]
     load = _load(p, base, trial, fields)
-    right = [np.zeros((1, load.shape[1]))] * len(rigid)
-    if not np.any(fields.wave):
+    free, count = load.shape[-2:]
+    constrained = not np.any(fields.wave)
+    size = free + len(rigid) + constrained
+    matrix = np.zeros((*load.shape[:-2], size, size))
+    right = np.zeros((*load.shape[:-2], size, count))
+    right[..., :free, :] = -load
+    if constrained:
         H = base.measure * (base.kappa_1 + base.kappa_2)
         borders.append(trial.w.T @ H)
-        change = np.hstack([-base.U * fields.slopes, base.slope * fields.values])
-        right.append(-H.T @ change)
-    border = np.hstack([np.zeros((load.shape[0], 0)), *borders])
-    k = border.shape[1]
-    matrix = np.block([[_stiffness(p, base, trial), border], [border.T, np.zeros((k, k))]])
-    v = solve(matrix, np.vstack([-load, *right]))[: load.shape[0]]
-    a, b, w = np.split(velocities @ v, 3)
+        change = _beside([-base.U * fields.slopes, base.slope * fields.values])
+        right[..., -1:, :] = -_turned(H) @ change
+    matrix[..., :free, :free] = _stiffness(p, base, trial)
+    for k, border in enumerate(borders, free):
+        matrix[..., :free, k : k + 1] = border
+        matrix[..., k : k + 1, :free] = _turned(border)
+    found = velocities @ solve(matrix, right)[..., :free, :]
+    a, b, w = np.split(found, 3, axis=-2)
     return a, b, w
 
 
-def _stiffness(p: Parameters, base: Base, trial: Trial) -> Array:
+def _turned(matrix: Array) -> Array:
+    """The transposed matrix, or matrices."""
+    return matrix.swapaxes(-1, -2)
+
+
+def _below(parts: Sequence[Array]) -> Array:
+    """One below the other; those that are the same about every state are repeated."""
+    most = max(parts, key=lambda part: part.ndim)
+    count = sum(part.shape[-2] for part in parts)
+    found = np.empty((*most.shape[:-2], count, most.shape[-1]))
+    row = 0
+    for part in parts:
+        found[..., row : row + part.shape[-2], :] = part
+        row += part.shape[-2]
+    return found
+
+
+def _beside(parts: Sequence[Array]) -> Array:
+    """One beside the other, in the same way."""
+    most = max(parts, key=lambda part: part.ndim)
+    count = sum(part.shape[-1] for part in parts)
+    found = np.empty((*most.shape[:-1], count))
+    column = 0
+    for part in parts:
+        found[..., column : column + part.shape[-1]] = part
+        column += part.shape[-1]
+    return found
+
+
+def _stiffness(p: Any, base: Base, trial: Trial) -> Array:
     """Dissipation of every pair of trial velocities."""
     rates = np.concatenate(
-        [trial.stretch_1 + trial.stretch_2, trial.stretch_1, trial.stretch_2, trial.shear]
+        [trial.stretch_1 + trial.stretch_2, trial.stretch_1, trial.stretch_2, trial.shear], axis=-2
     )
     viscosities = (p.eta_b, 2 * p.eta_s, 2 * p.eta_s, p.eta_s)
-    found = rates.T @ (np.concatenate([eta * base.measure for eta in viscosities]) * rates)
+    found = _turned(rates) @ (_below([eta * base.measure for eta in viscosities]) * rates)
     if p.has_friction:
-        found += drag_stiffness(p, base, trial)
+        found = found + drag_stiffness(p, base, trial)
     return np.asarray(found)
 
 
-def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed) -> Array:
+def _load(p: Any, base: Base, trial: Trial, fields: Perturbed) -> Array:
     """Virtual power of the perturbed stress, less that of the forces, with the velocity held.
 
     One column for every harmonic of h, then one for every harmonic of c'.
@@ -239,60 +293,70 @@ def _load(p: Parameters, base: Base, trial: Trial, fields: Perturbed) -> Array:
             (trial.tilt, base.sigma_2 * wave_h),
             (trial.b, p.delta_P * wave_h),
         ]
-    tests = np.concatenate([test for test, _ in powers])
-    by_shape = tests.T @ np.concatenate([base.measure * field for _, field in powers])
+    tests = _below([test for test, _ in powers])
+    by_shape = _turned(tests) @ _below([base.measure * field for _, field in powers])
     by_concentration = np.zeros_like(by_shape)
     if np.any(base.tau_slope):
         dilation = trial.stretch_1 + trial.stretch_2
-        by_concentration = dilation.T @ ((base.measure * base.tau_slope) * h)
-    if p.kappa:
-        by_shape -= bending_load(p, base, trial, fields)
-    if not p.has_friction:
-        return np.hstack([by_shape, by_concentration])
-    drag_by_shape, drag_by_concentration = drag_loads(p, base, trial, fields)
-    return np.hstack([by_shape - drag_by_shape, by_concentration - drag_by_concentration])
+        by_concentration = _turned(dilation) @ ((base.measure * base.tau_slope) * h)
+    if np.any(p.kappa):
+        by_shape = by_shape - bending_load(p, base, trial, fields)
+    if p.has_friction:
+        drag_by_shape, drag_by_concentration = drag_loads(p, base, trial, fields)
+        by_shape = by_shape - drag_by_shape
+        by_concentration = by_concentration - drag_by_concentration
+    return np.concatenate([by_shape, by_concentration], axis=-1)
 
 
 def rates_of(
-    p: Parameters, base: Base, fields: Perturbed, response: tuple[Array, Array, Array]
+    p: Any, base: Base, fields: Perturbed, response: tuple[Array, Array, Array]
 ) -> tuple[Array, Array]:
     """Weak rates of h and c' for each perturbation, tested with every harmonic."""
     a, b, w = response
     f, f_s, wave = fields.values, fields.slopes, fields.wave
     k1, k2, c, U, W = base.kappa_1, base.kappa_2, base.c, base.U, base.W
     H = k1 + k2
-    h_rate = w + np.hstack([-U * f_s, base.slope * f])
-    flux_1 = c * a + np.hstack(
-        [(c * W) * f_s + (c * U * k2 - p.D * base.c_s * (k2 - k1)) * f, U * f - p.D * f_s]
-    )
-    source = (-c * H) * h_rate + np.hstack([(p.beta * H * (p.c0 - c)) * f, -p.beta * f])
+    h_rate = w + _beside([-U * f_s, base.slope * f])
+    along = (c * W) * f_s + (c * U * k2 - p.D * base.c_s * (k2 - k1)) * f
+    flux_1 = c * a + _beside([along, U * f - p.D * f_s])
+    source = (-c * H) * h_rate + _beside([(p.beta * H * (p.c0 - c)) * f, -p.beta * f])
     if np.any(wave):
-        flux_2 = c * b + np.hstack([(c * W * wave) * f, (-p.D * wave) * f])
+        flux_2 = c * b + _beside([(c * W * wave) * f, (-p.D * wave) * f])
         source += wave * flux_2
-    tested = (base.measure * f).T @ np.hstack([h_rate, source])
-    count = h_rate.shape[1]
-    return tested[:, :count], (base.measure * f_s).T @ flux_1 + tested[:, count:]
+    tested = _turned(base.measure * f) @ np.concatenate([h_rate, source], axis=-1)
+    count = h_rate.shape[-1]
+    return tested[..., :count], _turned(base.measure * f_s) @ flux_1 + tested[..., count:]
 
 
 def removed(
-    beta: float,
+    conserved: bool,
     base: Base,
     basis: HarmonicBasis,
     mass: Array,
     rigid: list[tuple[Array, Array, Array]],
-) -> Array:
-    """Constraint functionals and neutral modes as columns of harmonic coefficients."""
+) -> tuple[Array, Array]:
+    """Constraint functionals and neutral modes as columns of harmonic coefficients.
+
+    (..., 2 harmonics, columns), and which of them count, (..., columns). `conserved`: whether the
+    number of filaments is.
+    """
     weighted = base.measure * basis.values
-    none = np.zeros(basis.degrees.size)
     columns = []
     if basis.degrees[0] == 0:
-        H = (base.kappa_1 + base.kappa_2)[:, 0]
-        columns.append(np.concatenate([H @ weighted, none]))
-        if beta == 0:
-            columns.append(np.concatenate([(H * base.c[:, 0]) @ weighted, none + weighted.sum(0)]))
+        H = base.kappa_1 + base.kappa_2
+        area, filaments = _turned(weighted) @ H, _turned(weighted) @ (H * base.c)
+        columns.append(np.concatenate([area, np.zeros_like(area)], axis=-2))
+        if conserved:
+            total = weighted.sum(-2)[..., None]
+            columns.append(np.concatenate([filaments, total], axis=-2))
+    counts = [np.ones(base.r.shape[:-2], dtype=bool) for _ in columns]
     for a, _, w in rigid:
-        h, c = weighted.T @ w, -weighted.T @ (a * base.c_s)
-        mode = np.concatenate([np.linalg.solve(mass, h)[:, 0], np.linalg.solve(mass, c)[:, 0]])
-        if np.linalg.norm(mode) > ROTATION_SEEN:
-            columns.append(mode / np.linalg.norm(mode))
-    return np.column_stack(columns) if columns else np.zeros((2 * none.size, 0))
+        moved = np.concatenate([w, -a * base.c_s], axis=-1)
+        modes = solve(mass, _turned(weighted) @ moved)
+        mode = np.concatenate([modes[..., :1], modes[..., 1:]], axis=-2)
+        size = np.sqrt(np.sum(mode * mode, axis=-2, keepdims=True))
+        columns.append(mode / np.where(size > ROTATION_SEEN, size, 1.0))
+        counts.append(size[..., 0, 0] > ROTATION_SEEN)
+    if not columns:
+        return np.zeros((*mass.shape[:-2], 2 * mass.shape[-1], 0)), np.ones(0, dtype=bool)
+    return np.concatenate(columns, axis=-1), np.stack(counts, axis=-1)

@@ -7,6 +7,7 @@ turns from super- to subcritical.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -16,18 +17,18 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.criticality import critical_values
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
-from amoeboid.axisymmetric.paths import Path, asymmetry, steady_state_at
+from amoeboid.axisymmetric.paths import Path, asymmetry
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.search import Rising
-from amoeboid.axisymmetric.stability import is_stable
-from amoeboid.axisymmetric.steady import SteadySystem
+from amoeboid.axisymmetric.stability import are_stable
+from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate
 from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.arcs import Arc, arcs, at_value
-from amoeboid.numerics.continuation import Options, Point, Stalled, through
+from amoeboid.numerics.arcs import Arc, arcs, at_value, on_one_system, unknowns_at
+from amoeboid.numerics.branch_points import Options, Point, Stalled, through
 from amoeboid.numerics.newton import newton
 from amoeboid.numerics.singular import fold_system
 from amoeboid.validation import InvalidInput
@@ -136,15 +137,13 @@ def phase_column(p: Parameters, value: float, speeds: Array) -> Column:
     path, folds, problem = _polarized_branch(p, threshold, speeds)
     # a branch that stops on its way down hides the faster states at every v_p0
     hidden = not path or path[-1].b.parameter_tangent < 0
-    flow, unresolved = np.zeros(speeds.size), np.zeros(speeds.size, dtype=bool)
-    for row, v in enumerate(speeds):
-        if problem and (hidden or v > path[-1].b.parameter):
-            unresolved[row] = True
-            continue
-        try:
-            flow[row] = _fastest_stable(p, float(v), path, _options(threshold))
-        except Stalled:
-            unresolved[row] = True
+    unresolved = np.full(speeds.size, bool(problem))
+    if problem and not hidden:
+        unresolved = speeds > path[-1].b.parameter
+    found = _fastest_stable(p, speeds[~unresolved], path, _options(threshold))
+    flow = np.zeros(speeds.size)
+    flow[~unresolved] = np.nan_to_num(found)
+    unresolved[~unresolved] = np.isnan(found)
     regions = np.where(
         flow > 0, np.where(resting, BISTABLE, POLARIZED), np.where(resting, REST, NEITHER)
     )
@@ -194,20 +193,48 @@ def _polarized_branch(
     return found, tuple(arc.b for arc in found if arc.b.fold), problem
 
 
-def _fastest_stable(p: Parameters, v_p0: float, path: list[Arc], options: Options) -> float:
-    """Maximal retrograde speed of the last stable state at v_p0 along the branch; 0 without one.
+def _fastest_stable(p: Parameters, speeds: Array, path: list[Arc], options: Options) -> Array:
+    """Maximal retrograde speed of the last stable state along the branch at each of `speeds`.
 
-    Raises Stalled if a state that the branch passes cannot be found.
+    0 without one; NaN where a state that the branch passes cannot be found.
     """
-    for arc in reversed(path):
-        point = at_value(arc, v_p0, options)
-        if point is None:
-            continue
-        state = steady_state_at(p, "v_p0", point)
-        flow: float = state.max_retrograde_speed
-        if flow > 0 and is_stable(state):
-            return flow
-    return 0.0
+    flow = np.zeros(speeds.size)
+    passed = [_prepared(arc, speeds, options) for arc in reversed(path)]
+    waiting = {row: _polarized(p, float(v), passed, options) for row, v in enumerate(speeds)}
+    while waiting:
+        tried: dict[int, tuple[SteadySolution, float]] = {}
+        for row, others in list(waiting.items()):
+            try:
+                tried[row] = next(others)
+            except (StopIteration, Stalled) as stop:
+                flow[row] = np.nan if isinstance(stop, Stalled) else 0.0
+                del waiting[row]
+        stable = are_stable([state for state, _ in tried.values()])
+        for row in [row for row, good in zip(tried, stable, strict=True) if good]:
+            flow[row] = tried[row][1]
+            del waiting[row]
+    return flow
+
+
+def _prepared(arc: Arc, speeds: Array, options: Options) -> Arc:
+    """The arc on one system if any of the speeds lies on it: once for all of them."""
+    if any(arc.holds(v) for v in speeds):
+        with suppress(Stalled):  # whoever looks for a state there meets it again
+            return on_one_system(arc, options)
+    return arc
+
+
+def _polarized(
+    p: Parameters, v_p0: float, path: list[Arc], options: Options
+) -> Iterator[tuple[SteadySolution, float]]:
+    """The polarized states at v_p0 on arcs and their maximal retrograde speeds; raises Stalled."""
+    for arc in path:
+        x = unknowns_at(arc, v_p0, options)
+        if x is not None:
+            state = SteadySolution(p.replace(v_p0=v_p0), mode_count(x), x, True, ())
+            flow: float = state.max_retrograde_speed
+            if flow > 0:
+                yield state, flow
 
 
 def fold_line(

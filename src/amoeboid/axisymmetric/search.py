@@ -11,10 +11,10 @@ from typing import Any, overload
 import numpy as np
 
 from amoeboid.axisymmetric.evolution import evolve_to_steady, newton_refined, perturbed_sphere
+from amoeboid.axisymmetric.linearization import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speeds
 from amoeboid.axisymmetric.paths import SAME, Path, modes_of, steady_state_at
 from amoeboid.axisymmetric.progress import Watch, unwatched
-from amoeboid.axisymmetric.stability import MAX_GROWING, highest_growing
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
 from amoeboid.axisymmetric.unknowns import resampled, split
 from amoeboid.closed_forms.linear import growth_rate
@@ -22,7 +22,7 @@ from amoeboid.closed_forms.points import points
 from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
-from amoeboid.numerics.continuation import Options, Point, Stalled
+from amoeboid.numerics.branch_points import Options, Point, Stalled
 from amoeboid.numerics.integrators import StepTooSmall
 from amoeboid.validation import InvalidInput
 

@@ -7,42 +7,27 @@ D_ij = (X_i . v_j + X_j . v_i)/2 and the force balance in weak form is
 integral of sqrt(g) sigma^ij X_j . y_i = integral of sqrt(g) (delta_P n + f) . y for all velocities
 y, with the forces f of friction and bending (`surroundings`).
 Translations and rotations are neutral; the spectrum is that of what is left.
-
-h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:
-lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.force_balance import refuse_cue
-from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
-from amoeboid.axisymmetric.perturbations import (
-    Base,
-    base_fields,
-    perturbed_fields,
-    rates_of,
-    removed,
-    rigid_motions,
-    trial_velocities,
-    velocity_response,
+from amoeboid.axisymmetric.harmonics import HarmonicBasis
+from amoeboid.axisymmetric.linearization import (
+    Linearization,
+    complement,
+    linearization,
+    linearizations,
 )
 from amoeboid.axisymmetric.steady import SteadySolution, homogeneous
-from amoeboid.axisymmetric.unknowns import split
-from amoeboid.closed_forms.linear import finite_pressure_rates
-from amoeboid.model.natural_units import natural_units
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.newton import solve
-from amoeboid.validation import InvalidInput
 
 AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
-MAX_GROWING = 100
-"""The highest degree up to which growing modes of the sphere are counted."""
 
 NEUTRAL = 1e-7
 """Growth rates below this fraction of turnover, diffusion and treadmilling count as neutral."""
@@ -64,28 +49,6 @@ class Spectrum:
     basis: HarmonicBasis
 
 
-def degree_for(state: SteadySolution) -> int:
-    """Degree of harmonics that resolves what the state's own series does, and what grows.
-
-    That is as far as the modes of the sphere tell, and up to MAX_GROWING.
-    """
-    psi, u, c, _ = split(state.x, state.n)
-    last = 0
-    for series in (c, u, np.concatenate([[1.0], psi])):
-        large = np.nonzero(np.abs(series) > 1e-7 * np.abs(series).max())[0]
-        last = max(last, int(large[-1]) if large.size else 0)
-    resolved = min(max(12, last + 4), max(state.n, 12))
-    return max(resolved, highest_growing(state.parameters) + 4)
-
-
-def highest_growing(p: Parameters) -> int:
-    """The highest mode l >= 2 of the homogeneous sphere that grows, up to MAX_GROWING, or 0."""
-    l = np.arange(2, MAX_GROWING + 1)  # noqa: E741
-    with np.errstate(all="ignore"):  # what is not finite is rejected
-        growing = l[finite_pressure_rates(p, l)[:, 0].real > 0]
-    return int(growing[-1]) if growing.size else 0
-
-
 def spectrum(state: SteadySolution, m: int, degree: int | None = None) -> Spectrum:
     """Growth rates of perturbations exp(i m phi) about a converged steady state.
 
@@ -93,46 +56,67 @@ def spectrum(state: SteadySolution, m: int, degree: int | None = None) -> Spectr
     """
     about = linearization(state, degree)
     matrix, removed, basis = about.reduced_matrix(m)
-    complement = _complement(removed)
-    rates, modes = np.linalg.eig(complement.T @ matrix @ complement)
+    kept = complement(removed)
+    rates, modes = np.linalg.eig(kept.T @ matrix @ kept)
     order = np.argsort(-rates.real, kind="stable")
-    return Spectrum(m, about.unit * rates[order], complement @ modes[:, order], basis)
+    return Spectrum(m, about.units[0] * rates[order], kept @ modes[:, order], basis)
 
 
 def growth_rates(state: SteadySolution, m: int, degree: int | None = None) -> Array:
     """The rates of `spectrum` alone, fastest first; cheaper."""
-    return linearization(state, degree).growth_rates(m)
+    return linearization(state, degree).growth_rates(m)[0]
 
 
-def _complement(removed: Array) -> Array:
-    """Orthonormal columns that span all that is orthogonal to the columns of `removed`."""
-    return np.linalg.qr(removed, mode="complete")[0][:, removed.shape[1] :]
+def growth_rates_of(
+    states: Sequence[SteadySolution], numbers: Sequence[int] = AZIMUTHAL_NUMBERS
+) -> list[dict[int, Array]]:
+    """The rates of each of several states for each azimuthal number; much cheaper than singly."""
+    found: list[dict[int, Array]] = [{} for _ in states]
+    for which, about in linearizations(states):
+        for m in numbers:
+            for k, rates in zip(which, about.growth_rates(m), strict=True):
+                found[k][m] = rates
+    return found
 
 
 def unstable_modes(state: SteadySolution, degree: int | None = None) -> dict[int, int]:
     """Number of growing modes for m = 0, 1, 2, 3 (for m > 0 per sense of rotation)."""
     about = linearization(state, degree)
-    return {m: about.unstable(m) for m in AZIMUTHAL_NUMBERS}
+    return {m: _counts(about, m)[0] for m in AZIMUTHAL_NUMBERS}
 
 
 def is_stable(state: SteadySolution) -> bool:
     """Whether every perturbation with m = 0, 1, 2, 3 decays; stops at the first that grows."""
-    about = linearization(state)
-    return not any(about.unstable(m) for m in AZIMUTHAL_NUMBERS)
+    return are_stable([state])[0]
 
 
-def count_unstable(rates: Array, p: Parameters) -> int:
+def are_stable(states: Sequence[SteadySolution]) -> list[bool]:
+    """The same of several states."""
+    found = [True] * len(states)
+    for which, about in linearizations(states):
+        for m in AZIMUTHAL_NUMBERS:
+            if any(found[k] for k in which):
+                for k, count in zip(which, _counts(about, m), strict=True):
+                    found[k] = found[k] and count == 0
+    return found
+
+
+def _counts(about: Linearization, m: int) -> list[int]:
+    rates = zip(about.growth_rates(m), about.units, about.slow_rates, strict=True)
+    return [count_unstable(found / unit, slow) for found, unit, slow in rates]
+
+
+def count_unstable(rates: Array, slow: float) -> int:
     """How many growth rates are positive beyond `neutral_rate`."""
-    return int(np.sum(rates.real > neutral_rate(rates, p)))
+    return int(np.sum(rates.real > neutral_rate(rates, slow)))
 
 
-def neutral_rate(rates: Array, p: Parameters) -> float:
-    """The size up to which a rate is taken for zero [1/time].
+def neutral_rate(rates: Array, slow: float) -> float:
+    """The size up to which a rate is taken for zero [1/time], with `slow` that of `slow_rate`.
 
     A fraction of the rates of polarization, which do not grow with delta_P as those of the shape
     do, plus the rounding of the eigenvalues.
     """
-    slow = p.beta + p.D / p.R0**2 + abs(float(p.v_p(p.c0))) / p.R0
     return NEUTRAL * slow + ROUNDING * float(np.abs(rates).max())
 
 
@@ -146,63 +130,6 @@ def sphere_block(p: Parameters, l: int) -> Array:  # noqa: E741
     count = basis.degrees.size
     kept = [l, count + l] if l >= 2 else [count + l]
     return matrix[np.ix_(kept, kept)]
-
-
-@dataclass(frozen=True, eq=False)
-class Linearization:
-    """The linear problem about a steady state, and what all azimuthal numbers have in common.
-
-    `state` is measured in the natural units of the cell, `unit` is their rate [1/time].
-    """
-
-    state: SteadySolution
-    degree: int
-    unit: float
-
-    @cached_property
-    def base(self) -> Base:
-        """The fields of the state; the nodes are the same for every m."""
-        return base_fields(self.state, self.basis(0))
-
-    def basis(self, m: int) -> HarmonicBasis:
-        """The harmonics of azimuthal number m."""
-        return harmonics(m, self.degree, (3 * self.degree) // 2 + 4)
-
-    def growth_rates(self, m: int) -> Array:
-        """Growth rates of perturbations exp(i m phi), fastest first [1/time]."""
-        matrix, removed, _ = self.reduced_matrix(m)
-        complement = _complement(removed)
-        rates = np.linalg.eigvals(complement.T @ matrix @ complement)
-        return self.unit * rates[np.argsort(-rates.real, kind="stable")]
-
-    def unstable(self, m: int) -> int:
-        """Number of growing modes of azimuthal number m."""
-        return count_unstable(self.growth_rates(m) / self.unit, self.state.parameters)
-
-    def reduced_matrix(self, m: int) -> tuple[Array, Array, HarmonicBasis]:
-        """See the function of this name."""
-        state, basis, base = self.state, self.basis(m), self.base
-        trial = trial_velocities(base, basis, state.length_scale)
-        perturbed = perturbed_fields(base, basis, state.length_scale)
-        rigid = rigid_motions(base, m)
-        response = velocity_response(state.parameters, base, trial, perturbed, rigid)
-        h_rate, c_rate = rates_of(state.parameters, base, perturbed, response)
-        mass = basis.values.T @ (base.measure * basis.values)
-        matrix = np.vstack(np.split(solve(mass, np.hstack([h_rate, c_rate])), 2, axis=1))
-        left_out = removed(state.parameters.beta, base, basis, mass, rigid)
-        return matrix, left_out, basis
-
-
-def linearization(state: SteadySolution, degree: int | None = None) -> Linearization:
-    """The linear problem about a state, on harmonics up to `degree` or `degree_for` of the state.
-
-    Raises InvalidInput if the state is not converged, or under a cue.
-    """
-    if not state.converged:
-        raise InvalidInput("stability needs a converged steady state; this one has not converged")
-    refuse_cue(state.cue, "the spectrum of a steady state")
-    units = natural_units(state.parameters)
-    return Linearization(state.in_units(units), degree or degree_for(state), units.of("1/T"))
 
 
 def reduced_matrix(

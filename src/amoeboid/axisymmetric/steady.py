@@ -287,10 +287,7 @@ class SteadySolution(Measured):
 
     def in_units(self, units: Units) -> SteadySolution:
         """The same state measured in other units; the residuals are dimensionless."""
-        speed, concentration = units.of("L/T"), units.of("N/L^2")
-        scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
-        sizes = np.repeat([1.0, speed, concentration], [self.n - 1, self.n, self.n])
-        x = self.x / np.concatenate([sizes, scalars])
+        x = unknowns_in_units(self.x, self.n, units)
         return replace(self, parameters=in_units(self.parameters, units), x=x)
 
     @cached_property
@@ -332,15 +329,23 @@ class SteadySolution(Measured):
             self.parameters, self.shape, f.c, f.u, np.zeros(self.n), speeds, self.zeta0
         )
 
-    def position(self, x: Array) -> tuple[Array, Array]:
-        """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
+    @cached_property
+    def meridian(self) -> tuple[Array, Array, float]:
+        """Sine coefficients of r, cosine coefficients of z, both over ds/dx, and their mean.
+
+        From k = 1 on; the mean is that of z at the two poles, over ds/dx.
+        """
         fine = grid(2 * self.n)
         psi = fields_of(resampled(self.x, self.n, fine.n), fine.n).psi
         k = np.arange(1, fine.n + 1)
-        phases = np.outer(x, k)
         runs = np.append((fine.to_even @ np.cos(psi))[1:], 0.0) / k
         rises = (fine.to_odd @ np.sin(psi)) / k
-        middle = np.sum(rises[1::2])  # the mean of z at the two poles becomes zero
+        return runs, rises, float(np.sum(rises[1::2]))
+
+    def position(self, x: Array) -> tuple[Array, Array]:
+        """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
+        runs, rises, middle = self.meridian
+        phases = np.outer(x, np.arange(1, runs.size + 1))
         return self.length_scale * (np.sin(phases) @ runs), self.length_scale * (
             np.cos(phases) @ rises - middle
         )
@@ -348,6 +353,14 @@ class SteadySolution(Measured):
     def outline(self, count: int = 400) -> tuple[Array, Array]:
         """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""
         return self.position(np.linspace(0.0, np.pi, count))
+
+
+def unknowns_in_units(x: Array, n: int, units: Units) -> Array:
+    """Unknowns of n modes measured in other units."""
+    speed, concentration = units.of("L/T"), units.of("N/L^2")
+    scalars = [units.of(d) for d in ("L", "M/T^2", "M/(L T^2)", "N/(L^2 T)")]
+    sizes = np.repeat([1.0, speed, concentration], [n - 1, n, n])
+    return x / np.concatenate([sizes, scalars])
 
 
 def homogeneous(p: Parameters, n: int = MODES) -> SteadySolution:

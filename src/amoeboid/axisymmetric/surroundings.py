@@ -12,27 +12,19 @@ from typing import Any
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.steady import SteadySolution
-from amoeboid.axisymmetric.unknowns import split
 from amoeboid.forces import friction
-from amoeboid.model.parameters import Parameters
 
 
-def slopes_of_H(state: SteadySolution, x: Array, psi: Array, r: Array) -> tuple[Array, Array]:
-    """First and second derivative of H = kappa_1 + kappa_2 along the meridian at points x."""
-    n, scale = state.n, state.length_scale
-    a_psi = split(state.x, n)[0]
-    k = np.arange(1, n)
-    sines, cosines = np.sin(np.outer(x, k)), np.cos(np.outer(x, k))
-    kappa_1, kappa_2 = (1.0 + (cosines * k) @ a_psi) / scale, np.sin(psi) / r
-    kappa_1_s, kappa_1_ss = -(sines * k**2) @ a_psi / scale**2, -(cosines * k**3) @ a_psi / scale**3
-    cot = np.cos(psi) / r
+def slopes_of_H(
+    kappa_1: Array, kappa_1_s: Array, kappa_1_ss: Array, kappa_2: Array, cot: Array
+) -> tuple[Array, Array]:
+    """First and second derivative of H = kappa_1 + kappa_2 along the meridian; cot = cos(psi)/r."""
     kappa_2_s = cot * (kappa_1 - kappa_2)
     kappa_2_ss = cot * (kappa_1_s - kappa_2_s) - (kappa_1 * kappa_2 + cot**2) * (kappa_1 - kappa_2)
     return kappa_1_s + kappa_2_s, kappa_1_ss + kappa_2_ss
 
 
-def drag_stiffness(p: Parameters, base: Any, trial: Any) -> Array:
+def drag_stiffness(p: Any, base: Any, trial: Any) -> Array:
     """Power that friction takes up for every pair of trial velocities of the cortex."""
     m = base.measure * friction.density(base.c, p)
     along, across = m * (p.gamma_t + p.gamma_c), m * (p.gamma_n + p.gamma_c)
@@ -40,7 +32,7 @@ def drag_stiffness(p: Parameters, base: Any, trial: Any) -> Array:
     return np.asarray(tangent + trial.w.T @ (across * trial.w))
 
 
-def drag_loads(p: Parameters, base: Any, trial: Any, fields: Any) -> tuple[Array, Array]:
+def drag_loads(p: Any, base: Any, trial: Any, fields: Any) -> tuple[Array, Array]:
     """Virtual powers of the change of the drag by every harmonic of h, and of c'."""
     m, slope = friction.density(base.c, p), p.gamma_share / (p.c0 or p.c_r)
     h, h_s, H = fields.values, fields.slopes, base.kappa_1 + base.kappa_2
@@ -65,7 +57,7 @@ def drag_loads(p: Parameters, base: Any, trial: Any, fields: Any) -> tuple[Array
     return by_shape, by_concentration
 
 
-def bending_load(p: Parameters, base: Any, trial: Any, fields: Any) -> Array:
+def bending_load(p: Any, base: Any, trial: Any, fields: Any) -> Array:
     """Virtual power of the change of kappa [lap_s H + H (H^2/2 - 2 K)] n by every harmonic of h."""
     k1, k2, cot = base.kappa_1, base.kappa_2, base.cos_psi / base.r
     h, h_s, spread = fields.values, fields.slopes, fields.spreads
@@ -77,11 +69,12 @@ def bending_load(p: Parameters, base: Any, trial: Any, fields: Any) -> Array:
     # that of the Laplacian on the surface itself
     carried = (H - 2 * k1) * h_s * H_s - h * H_s**2 - 2 * h * (k1 * base.H_ss + k2 * cot * H_s)
     change = carried + (H**2 / 2 - 2 * K) * H_change + H * (H * H_change - 2 * K_change)
-    w_spread = np.hstack([trial.w[:, : -spread.shape[1]], spread])  # it is 0 in the first columns
+    w_spread = np.zeros((*spread.shape[:-1], trial.w.shape[-1]))  # 0 in the first columns, as w
+    w_spread[..., -spread.shape[-1] :] = spread
     return np.asarray(
         p.kappa
         * (
-            w_spread.T @ (base.measure * H_change)
+            w_spread.swapaxes(-1, -2) @ (base.measure * H_change)
             + trial.w.T @ (base.measure * (change + force * H * h))
             - trial.a.T @ (base.measure * force * h_s)
             - trial.b.T @ (base.measure * force * fields.wave * h)

@@ -9,7 +9,7 @@ from functools import cached_property
 from amoeboid.axisymmetric.bifurcations import (
     Bifurcation,
     BranchPoint,
-    branch_point,
+    branch_points,
     located_bifurcations,
 )
 from amoeboid.axisymmetric.paths import SPHERE, SYMMETRIC, Path, modes_of
@@ -18,7 +18,7 @@ from amoeboid.axisymmetric.search import MAX_RISING_MODES, MIN_EXCURSION, stabil
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.arcs import Arc, at_value
-from amoeboid.numerics.continuation import Options, Point, Stalled
+from amoeboid.numerics.branch_points import Options, Point, Stalled
 from amoeboid.validation import InvalidInput
 
 MAX_EXCURSION = {"v_p0": 1.25}
@@ -188,7 +188,7 @@ class Tracer:
         start: float,
     ) -> BranchSolution:
         p, name, window = self.p, self.name, self.window
-        found = tuple(tuple(branch_point(point, p, name) for point in piece) for piece in pieces)
+        found = tuple(branch_points(piece, p, name) for piece in pieces)
         problems = [walk.problem] if walk.problem else []
         complete = not problems
         if not found:

@@ -33,6 +33,8 @@ def text_for(path: Path, command: str) -> str:
 def _refuse_other_kinds(path: Path, name: str, command: str) -> None:
     """Raise InvalidInput for a surface and for a folder."""
     shown = shlex.quote(str(path))
+    if not path.exists():
+        raise InvalidInput(f"No such file {name}; {command} needs the path of a TOML file")
     if path.is_dir():
         remedy = "give the TOML file in it"
         if command == "run" and (path / "config.toml").is_file():

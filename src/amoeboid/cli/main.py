@@ -16,7 +16,7 @@ from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED, USER_MISTAKE
 from amoeboid.cli.help import HelpFormatter
 from amoeboid.cli.output import tell, warnings_told
 from amoeboid.terminal import write
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, refuse_unknown
 
 # A command is a module of this package with add_arguments(parser) and execute(args) -> exit code;
 # its heavy imports belong into execute, so that --help stays quick.
@@ -50,9 +50,11 @@ MISTAKEN_PATH = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
+    words = sys.argv[1:] if argv is None else argv
     try:
-        words = sys.argv[1:] if argv is None else argv
-        args = _parser(words).parse_args(words)
+        parser = _parser(words)
+        _refuse_unknown_command(parser, words)
+        args = parser.parse_args(words)
     except OSError as error:  # no room for what --help prints
         tell("", error)
         return FAILURE
@@ -71,6 +73,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         tell(args.command, "interrupted")
         return INTERRUPTED
+
+
+def _refuse_unknown_command(parser: argparse.ArgumentParser, words: Sequence[str]) -> None:
+    """Exit with a message that names the nearest command."""
+    try:
+        refuse_unknown([word for word in words[:1] if word[:1] != "-"], COMMANDS, "command")
+    except InvalidInput as error:
+        parser.error(str(error))
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:

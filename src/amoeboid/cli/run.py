@@ -63,7 +63,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="CONDITION",
         help="also end the run when this condition holds ('polarity > 0.5', 'c_front < 0.1*c0 "
-        "and t > 5'); repeatable",
+        "and t > 5', for a cell with units \"t > '5 min'\"); repeatable",
     )
     parser.add_argument(
         "--observe",

@@ -169,11 +169,16 @@ def say_parameters(p: Parameters, varied: Sequence[str] = ()) -> None:
 
     `varied`: names whose values differ from row to row of what follows.
     """
-    limit, line = width(), p.description
+    line = p.description
     for name in varied:
         line = re.sub(rf"\b{re.escape(name)} = [^,]*", f"{name} varies", line, count=1)
-    fits = limit is None or len(line) <= limit
-    say(*([line] if fits else line.split(", ")), "")
+    say(*in_lines(line.split(", ")), "")
+
+
+def in_lines(parts: Sequence[str]) -> list[str]:
+    """Parts in one line with commas between them or, where it is too narrow, one in each."""
+    limit, line = width(), ", ".join(parts)
+    return [line] if limit is None or len(line) <= limit else list(parts)
 
 
 def print_json(result: dict[str, Any]) -> None:

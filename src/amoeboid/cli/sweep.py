@@ -185,12 +185,9 @@ def _merged(args: argparse.Namespace) -> int:
     found = load_sweep(args.merge)
     found.save(args.merge / TABLE)
     code = _told(args, found, args.merge)
-    missing = len(found) - found.done
-    if missing:
-        tell(
-            "sweep", f"{missing} of {len(found)} points are missing: some shards have not finished"
-        )
-    return code or (FAILURE if missing else 0)
+    if found.missing:
+        tell("sweep", found.missing)
+    return code or (FAILURE if found.missing else 0)
 
 
 def _told(args: argparse.Namespace, found: Sweep, folder: Path) -> int:

@@ -53,16 +53,20 @@ def table(
     lines = text_table(titles, rows, align)
     if limit is None or max(map(len, lines)) <= limit:
         return lines
-    return _below(titles, rows)
+    return _below(titles, rows, limit)
 
 
-def _below(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    headed = not titles[0]
+def _below(titles: Sequence[str], rows: Sequence[Sequence[str]], limit: int) -> list[str]:
+    headed, untitled = not titles[0], not any(titles)
     longest = max(map(len, titles))
     lines: list[str] = []
     for row in rows:
         if lines and not headed:
             lines.append("")
+        rest = GAP.join(cell for cell in row[1:] if cell.strip())
+        if untitled and len(GAP + rest) <= limit:
+            lines += [row[0], f"{GAP}{rest}"]
+            continue
         for k, (title, cell) in enumerate(zip(titles, row, strict=True)):
             if headed and k == 0:
                 lines.append(cell)

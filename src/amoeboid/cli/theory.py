@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.cli.output import say
-from amoeboid.cli.settings import add_parameters, only_parameters, print_json, quantities
+from amoeboid.cli.settings import add_parameters, in_lines, only_parameters, print_json, quantities
 from amoeboid.cli.tables import table, text, width
 
 if TYPE_CHECKING:
@@ -66,14 +66,15 @@ def _document(found: Theory) -> dict[str, Any]:
 
 
 def _print_tables(found: Theory, parameters: dict[str, Any]) -> None:
-    values = ", ".join(f"{name} = {text(v)}" for name, v in parameters.items())
-    say(f"Theory at {values}", "")
+    values = [f"{name} = {text(v)}" for name, v in parameters.items()]
+    say(*in_lines([f"Theory at {values[0]}", *values[1:]]), "")
     units = found.parameters.units is not None
     rows = []
     for name, number in found.numbers():
         value = found.plain(name)
         if name in ALWAYS or not (value is None or isinstance(value, dict) or name in KEYS):
-            rows.append((number.title, text(value), found.unit(name) if units else ""))
+            shown = units and value is not None
+            rows.append((number.title, text(value), found.unit(name) if shown else ""))
     say(*table(("", "", ""), rows, "<<<", width()), "")
     say(*_rates_table(found, f" [{found.unit('growth_rates')}]" if units else ""), "")
     say(*(f"Note: {note}." for note in found.notes))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import warnings
 from collections.abc import Mapping
 from numbers import Integral, Real
 from pathlib import Path
@@ -15,7 +16,7 @@ from amoeboid.output.atomic import write_atomically
 from amoeboid.runs.progress import QUIET
 from amoeboid.runs.run import Run
 from amoeboid.terminal import shown_line
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, path_of
 
 SLICE = re.compile(r"\s*([+-]?\d{1,9})?\s*(:)?\s*([+-]?\d{1,9})?\s*(?::\s*([+-]?\d{1,9})?\s*)?")
 # The files of a run, which no export replaces.
@@ -42,10 +43,11 @@ def export(
     Returns the paths of the files. Raises InvalidInput, also where a package is missing, and
     OSError.
     """
-    name = to or _format_of(path)
+    given = None if path is None else path_of(path, "the path of an export")
+    name = to or _format_of(given)
     chosen = exports.named(name)
-    given = {"follow": follow, "fps": fps is not None}
-    chosen.check(name, [option for option, wanted in given.items() if wanted])
+    wanted = {"follow": follow, "fps": fps is not None}
+    chosen.check(name, [option for option, on in wanted.items() if on])
     rate = _checked_fps(fps, chosen.max_fps)
     with shown_line(QUIET) as show:
         numbers = selected(frames, len(run.frames))
@@ -54,7 +56,13 @@ def export(
             raise InvalidInput(
                 f"an export to {name} needs frames, but {_chosen(frames, len(run.frames))}"
             )
-        targets = _targets(chosen, job, name, path)
+        if chosen.series and not job.has_series:
+            if not len(job.numbers):
+                raise InvalidInput(
+                    f"an export to {name} needs a time series or frames, the run has none"
+                )
+            warnings.warn("the run has no time series; only its frames are exported", stacklevel=2)
+        targets = _targets(chosen, job, name, given)
         _check(run, targets, force)
         for target, write in targets.items():
             target.parent.mkdir(parents=True, exist_ok=True)
@@ -121,9 +129,9 @@ def _checked_fps(fps: Any, most: float) -> float:
     return float(fps)
 
 
-def _format_of(path: str | os.PathLike[str] | None) -> str:
+def _format_of(path: Path | None) -> str:
     """The format that the ending of a path names."""
-    ending = "" if path is None else Path(path).suffix.lower()
+    ending = "" if path is None else path.suffix.lower()
     found = [name for name in exports.names() if ending and exports.named(name).suffix == ending]
     plain = [name for name in found if f".{name}" == ending] or found
     if not plain:
@@ -145,12 +153,9 @@ def _name(run: Run) -> str:
     return (folder.resolve().name if folder is not None else "") or "run"
 
 
-def _targets(
-    chosen: Format, job: Job, name: str, path: str | os.PathLike[str] | None
-) -> dict[Path, Write]:
+def _targets(chosen: Format, job: Job, name: str, given: Path | None) -> dict[Path, Write]:
     """Where the files are written."""
     files: Mapping[str, Write] = chosen.files(job)
-    given = None if path is None else Path(path)
     if given is not None and given.suffix.lower() == chosen.suffix and not given.is_dir():
         if len(files) != 1:
             shown = ", ".join([*list(files)[:2], *(["..."] if len(files) > 2 else [])])

@@ -82,6 +82,11 @@ class Job:
         """The cell of a frame."""
         return self.run.frames[number].cell
 
+    @property
+    def has_series(self) -> bool:
+        """Whether the run has a time series; of some folders only frames remain."""
+        return "t" in self.run.units
+
     def shown(self, value: Any, dimension: str | None) -> Any:
         """A number or an array of the solver in the units of the export."""
         return magnitude(self.run.parameters, value, dimension)
@@ -143,7 +148,8 @@ class Format:
     `files` gives the names of the files of a job, each with the function that writes it under a
     name that it is given. `options` are those of `Job` that it heeds, `packages` the optional
     modules that it needs, see `amoeboid.extras`; `frames`: whether it needs frames;
-    `one_per_frame`: whether its files are those of single frames; `max_fps`: frames a second that
+    `one_per_frame`: whether its files are those of single frames; `series`: whether they hold the
+    time series, if there is one; `max_fps`: frames a second that
     it can show.
     """
 
@@ -154,6 +160,7 @@ class Format:
     packages: tuple[str, ...] = ()
     frames: bool = True
     one_per_frame: bool = False
+    series: bool = False
     max_fps: float = MAX_FPS
 
     def check(self, name: str, options: Iterable[str]) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.fitting.diagnosis import problems, undetermined
-from amoeboid.fitting.followed import FollowedState
+from amoeboid.fitting.followed import DIFFERENCE, FollowedState
 from amoeboid.fitting.measurements import Measurements, measurements
 from amoeboid.fitting.problem import Point, Problem, solved, targets_of
 from amoeboid.fitting.result import Fit
@@ -203,6 +203,7 @@ def _bounds(
     upper = -lower
     for k, name in enumerate(names):
         if name not in bounds:
+            upper[k] = min(upper[k], _highest(p, name))
             continue
         pair = bounds[name]
         if isinstance(pair, str) or np.size(pair) != 2:
@@ -214,8 +215,26 @@ def _bounds(
                 f"{text(p, p.value(name), p.dimension(name))}, on the same side of 0, got "
                 f"{pair[0]} and {pair[1]}; change the bounds or the start"
             )
-        lower[k], upper[k] = np.log(ratios)
+        lower[k], upper[k] = np.log(ratios[0]), min(np.log(ratios[1]), _highest(p, name))
     return lower, upper
+
+
+def _highest(p: Parameters, name: str) -> float:
+    """The highest y of a parameter that has a largest value. Raises InvalidInput for a start there.
+
+    Derivatives need a neighbor beyond each state.
+    """
+    declared = Parameters.__dataclass_fields__.get(name)
+    largest = None if declared is None else declared.metadata.get("bounds", {}).get("<=")
+    if largest is None:
+        return np.inf
+    highest = float(np.log(largest / p.value(name))) - 2 * DIFFERENCE
+    if highest <= 0:
+        raise InvalidInput(
+            f"a free parameter must start below its largest value, {largest:g} of {name}, got "
+            f"{p.value(name):g}; start lower, or do not fit it"
+        )
+    return highest
 
 
 def _oriented(best: Fit, solutions: list[Fit], mirrored: bool) -> Fit:

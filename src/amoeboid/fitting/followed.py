@@ -14,7 +14,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem, steady_state
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.continuation import COMPLEX_STEP
+from amoeboid.numerics.branch_points import COMPLEX_STEP
 from amoeboid.numerics.newton import solve
 from amoeboid.validation import InvalidInput
 

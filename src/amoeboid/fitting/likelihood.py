@@ -56,11 +56,12 @@ def profile_point(problem: Problem, near: Point, k: int, value: float) -> Point 
     y[k] = value
     moved = y.copy()
     moved[others] += np.clip(along * change, -3 * abs(change), 3 * abs(change))
-    bound = np.clip(moved, problem.lower, problem.upper)
+    held = problem.with_fixed(k, value)
+    bound = np.clip(moved, held.lower, held.upper)
     begin = problem.evaluated(bound, near) or problem.evaluated(y, near)
     if begin is None:
         return None
-    found = problem.with_fixed(k, value).minimum(begin, enough=ENOUGH)
+    found = held.minimum(begin, enough=ENOUGH)
     return None if found.edge else found.point
 
 

@@ -341,8 +341,9 @@ class Fit:
         if np.isinf(error):
             return f"{text(start, value, dimension, '.4g')} (not determined)"
         if error > UNDETERMINED:
-            lowest, highest = value / np.exp(error), value * np.exp(error)
-            return " to ".join(text(start, v, dimension, ".2g") for v in (lowest, highest))
+            lower, upper = self.problem.lower[k], self.problem.upper[k]  # it is not sought beyond
+            ends = (max(y - error, lower), min(y + error, upper))
+            return " to ".join(text(start, self._value(k, e), dimension, ".2g") for e in ends)
         size = magnitude(start, abs(value) * error, dimension)
         both = f"{magnitude(start, value, dimension):.4g} +- {size:.2g}"
         ending = unit(start, dimension) if start.units is not None else ""

@@ -49,7 +49,10 @@ class Relation(ABC):
     @property
     def own(self) -> dict[str, Any]:
         """Parameters of its own by name: the fields of its dataclass that are numbers."""
-        values = {name: getattr(self, name) for name in _field_names(type(self))}
+        names = _field_names(type(self))
+        if not names:
+            return {}
+        values = {name: getattr(self, name) for name in names}
         return {name: value for name, value in values.items() if _is_number(value)}
 
     def replaced(self, own: Mapping[str, Any]) -> Self:
@@ -106,11 +109,11 @@ class Relation(ABC):
         if isinstance(at[0], Traced):
             return tuple(self._traced(order, at))
         c = _floating(at[0])
-        others = [x if isinstance(x, float | complex) else _floating(x) for x in at[1:]]
+        others = [x if isinstance(x, float) else _floating(x) for x in at[1:]]
         shape = np.shape(c)
-        given = (*others, *self.own.values())
-        arrays = [x for x in given if isinstance(x, np.ndarray)]
-        real = not (_is_complex(c) or any(map(_is_complex, given)))
+        special = [x for x in (*others, *self.own.values()) if not isinstance(x, float)]
+        real = not (_is_complex(c) or any(map(_is_complex, special)))
+        arrays = [x for x in special if isinstance(x, np.ndarray)]
         if arrays:
             shape = np.broadcast_shapes(shape, *(x.shape for x in arrays))
         with np.errstate(all="ignore"):
@@ -190,6 +193,8 @@ class Relation(ABC):
         Raises InvalidInput if it is none, or not finite.
         """
         value = np.asarray(found)
+        if real and value.dtype == float and value.shape == shape and np.isfinite(value).all():
+            return value
         if value.dtype.kind in "bui":
             value = value.astype(float)
         if real and value.dtype.kind == "c":

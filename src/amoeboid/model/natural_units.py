@@ -14,7 +14,7 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
-from amoeboid.model.parameters import DIMENSIONS, Parameters
+from amoeboid.model.parameters import DIMENSIONS, ParameterPoint, Parameters
 from amoeboid.model.polymerization import Law
 from amoeboid.model.stress import Stress
 from amoeboid.model.units import Units
@@ -90,9 +90,14 @@ class MeasuredStress(Measured, Stress):
 
 def in_units(p: Parameters, units: Units) -> Parameters:
     """The same cell with its parameters measured in other units."""
+    return Parameters(**vars(point_in_units(p, units)))
+
+
+def point_in_units(p: Parameters, units: Units) -> ParameterPoint:
+    """The same as plain numbers, unchecked."""
     values = {name: getattr(p, name) / units.of(unit) for name, unit in DIMENSIONS.items()}
     law, stress = MeasuredLaw(p.law, units), MeasuredStress(p.stress, units)
-    return Parameters(**values, law=law, stress=stress)
+    return ParameterPoint(values | {"law": law, "stress": stress})
 
 
 def natural_units(p: Parameters) -> Units:

@@ -148,8 +148,9 @@ def isotropic_stress(
     """
     c = c if isinstance(c, Traced) else np.asarray(c)
     tau = slope * c
+    zero = np.zeros_like(tau) if order else tau
     slopes = (slope, *[0.0] * order)[:order]
-    linear = (tau, *(s + np.zeros_like(tau) for s in slopes))
+    linear = (tau, *(s + zero for s in slopes))
     if isinstance(active, NoStress):
         return linear
     found = active.derivatives(c, c_r, order)

@@ -8,7 +8,7 @@ diverge or end at another solution.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,18 +16,18 @@ import numpy as np
 from scipy.optimize import brentq
 
 from amoeboid.arrays import Array
-from amoeboid.numerics.continuation import (
+from amoeboid.numerics.branch_points import (
     Options,
     Point,
     Stalled,
     Unresolved,
     at_distance,
     at_parameter,
-    follow,
     slope,
     slope_row,
     with_tangent,
 )
+from amoeboid.numerics.continuation import follow
 
 MAX_EVALUATIONS = 80
 ROUNDING = float(np.finfo(float).eps)
@@ -75,6 +75,9 @@ class Arc:
         return abs(point.length - self.anchor.length)
 
 
+_Direct = Callable[[Arc, float, Options], Point | None]
+
+
 def arcs(start: Point, options: Options) -> Iterator[Arc]:
     """The arcs of a branch from `start` on; ends and raises as `follow` does."""
     anchor = before = start
@@ -90,11 +93,21 @@ def at_value(arc: Arc, value: float, options: Options) -> Point | None:
 
     None if the arc does not reach the value. Raises Stalled if the point cannot be found.
     """
+    return _at_value(arc, value, options, _direct)
+
+
+def unknowns_at(arc: Arc, value: float, options: Options) -> Array | None:
+    """x of that point alone, which costs less."""
+    point = _at_value(arc, value, options, _solution)
+    return None if point is None else point.x
+
+
+def _at_value(arc: Arc, value: float, options: Options, direct: _Direct) -> Point | None:
     if not arc.holds(value):
         return None
-    arc = _on_one_system(arc, options)
+    arc = on_one_system(arc, options)
     while True:
-        point = _direct(arc, value, options) or _bracketed(arc, value, options)
+        point = direct(arc, value, options) or _bracketed(arc, value, options)
         if point.system.resolved(point.x, np.array([value])):
             return arc.forwards(point)
         finer = arc.anchor.system.refined()
@@ -103,8 +116,8 @@ def at_value(arc: Arc, value: float, options: Options) -> Point | None:
         arc = _carried(arc, arc.anchor.x.size, options)
 
 
-def _on_one_system(arc: Arc, options: Options) -> Arc:
-    """The arc with all its points on the finest of their systems."""
+def on_one_system(arc: Arc, options: Options) -> Arc:
+    """The arc with all its points on the finest of their systems; raises Stalled."""
     size = max(q.x.size for q in (arc.anchor, arc.a, arc.b))
     while min(q.x.size for q in (arc.anchor, arc.a, arc.b)) < size:
         arc = _carried(arc, min(q.x.size for q in (arc.anchor, arc.a, arc.b)), options)
@@ -133,11 +146,12 @@ def finer(point: Point, options: Options) -> Point:
     return moved if found is None else replace(found, fold=point.fold)
 
 
-def _direct(arc: Arc, value: float, options: Options) -> Point | None:
+def _solution(arc: Arc, value: float, options: Options) -> Point | None:
     """The point at `value` by Newton's method from the cubic through both ends of the arc.
 
     None unless it stays so near to the cubic, in units of the distance to the nearest end, that it
-    can be no state beyond a fold or a crossing, which lie at the ends.
+    can be no state beyond a fold or a crossing, which lie at the ends. With the tangent of the
+    anchor.
     """
     row = slope_row(arc.anchor, options)
     share = _share(arc, arc.a, arc.b, value, row)
@@ -147,9 +161,13 @@ def _direct(arc: Arc, value: float, options: Options) -> Point | None:
     if x is None or _norm(arc.a, x - guess) > NEAR * nearest:
         return None
     length = arc.a.length + share * (arc.b.length - arc.a.length)
-    return with_tangent(
-        replace(arc.anchor, x=x, parameter=value, length=length, fold=False), row, options
-    )
+    return replace(arc.anchor, x=x, parameter=value, length=length, fold=False)
+
+
+def _direct(arc: Arc, value: float, options: Options) -> Point | None:
+    """The same with its own tangent."""
+    point = _solution(arc, value, options)
+    return point and with_tangent(point, slope_row(arc.anchor, options), options)
 
 
 def _bracketed(arc: Arc, value: float, options: Options) -> Point:

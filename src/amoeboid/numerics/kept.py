@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import errno
 import hashlib
+import io
 import os
 import pickle
 import platform
@@ -32,6 +33,7 @@ from typing import Any
 from llvmlite.binding import parse_assembly, parse_bitcode
 from numba.core import config
 from numba.core.compiler import CompileResult
+from numba.core.environment import Environment, _rebuild_env, lookup_environment
 from numba.core.runtime import rtsys
 from numba.core.serialize import dumps
 
@@ -123,11 +125,34 @@ def load(where: Path, name: str, target: Any) -> Any:
     if hashlib.sha256(data[_HASH:]).digest() != data[:_HASH]:
         raise ValueError("a file is damaged")
     rtsys.initialize(target)  # what the kernels allocate arrays by
-    (library, *rest), bitcode = pickle.loads(data[_HASH:])  # noqa: S301  (our own)
+    (library, *rest), bitcode = _Reader(io.BytesIO(data[_HASH:])).load()
     found = CompileResult._rebuild(target, library, *rest)
     # else numba would link the names
     found.library._shared_module = None
     found.library._get_module_for_linking = cache(partial(parse_bitcode, bitcode))
+    return found
+
+
+class _Reader(pickle.Unpickler):  # of our own files
+    """Does not import modules of numba for what their functions, compiled with ours, belong to."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        found = super().find_class(module, name)
+        return _environment if found is _rebuild_env else found
+
+
+def _environment(module: str, constants: list[Any], name: str) -> Environment:
+    """As numba rebuilds it, whose names compiled code does not look up.
+
+    Numba would import `module` for them: that of its arrays takes longer than all our kernels.
+    """
+    found = lookup_environment(name)
+    if found is None:
+        names = sys.modules.get(module)
+        found = Environment({"__name__": module} if names is None else vars(names))
+        found.consts[:] = constants
+        found.env_name = name
+        Environment._memo[name] = found
     return found
 
 

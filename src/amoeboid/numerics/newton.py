@@ -20,14 +20,14 @@ Residual = Callable[[Array], Array]
 Jacobian = Callable[[Array], tuple[Array, Array]]
 
 
-KEPT = 0.1
+SHORTER = 0.1
+"""Ratio of successive steps, with the same Jacobian, from which on the residual may grow."""
+KEPT = 0.02
 """Ratio of successive steps up to which the next one is taken with the same Jacobian.
 
-At the end of quadratic convergence such a step shrinks by the square of the ratio.
+Such a step costs a fifth of one with a new Jacobian.
 """
-STALE = 0.01
-"""The same for steps after a Jacobian was used again: from there on they gain too little."""
-LEFT = 1e-14
+LEFT = 3e-15
 """Error in units of `scale` that may be left by a step with an old Jacobian: rounding."""
 
 
@@ -36,13 +36,16 @@ class NewtonResult:
     """Where Newton's method ended.
 
     `x` is a solution only if `converged`; `residuals` are the root-mean-square residuals at the
-    start and after each step, `steps` the root-mean-square lengths of the steps.
+    start and after each step, `steps` the root-mean-square lengths of the steps. After the last
+    step the residual is not known where an old Jacobian tells that nothing but rounding is left.
+    `jacobian` is the last one, at x or near it; None if there was none that could be factorized.
     """
 
     x: Array
     converged: bool
     residuals: tuple[float, ...]
     steps: tuple[float, ...]
+    jacobian: Factor | None = None
 
 
 def newton(
@@ -67,31 +70,36 @@ def newton(
     residuals: list[float] = []
     steps: list[float] = []
     jacobian: Factor | None = None
-    made = 0
-    while jacobian is not None or made < max_iterations:
-        fresh = jacobian is None
+    step = f = x
+    for _ in range(max_iterations):
+        f, size, jacobian = _factorized(residual_and_jacobian, x)
+        residuals = residuals or [size]
         if jacobian is None:
-            made += 1
-            f, size, jacobian = _factorized(residual_and_jacobian, x)
-            residuals = residuals or [size]
-            if jacobian is None:
+            break
+        step, fresh = jacobian.solve(-f), True
+        while True:
+            x, f, size, fraction = _backtracked(
+                residual, jacobian, scale, x, f, step, residuals[-1]
+            )
+            if fraction == 0.0:
                 break
-        step = jacobian.solve(-f)
-        x, f, size, fraction = _backtracked(residual, jacobian, scale, x, f, step, residuals[-1])
-        if fraction == 0.0:
-            if fresh:
+            residuals.append(size)
+            steps.append(fraction * _rms(step / scale))
+            small = fraction == 1.0 and size <= residual_tolerance
+            if small and fresh and steps[-1] <= step_tolerance:
+                return NewtonResult(x, True, tuple(residuals), tuple(steps), jacobian)
+            step = jacobian.solve(-f)
+            following = _rms(step / scale)
+            ratio = following / steps[-1] if steps[-1] > 0 else np.inf
+            if small and following <= step_tolerance and ratio * following <= LEFT:
+                steps.append(following)
+                return NewtonResult(x + step, True, tuple(residuals), tuple(steps), jacobian)
+            if fraction < 1.0 or ratio > KEPT:
                 break
-            jacobian = None
-            continue
-        residuals.append(size)
-        steps.append(fraction * _rms(step / scale))
-        ratio = steps[-1] / steps[-2] if len(steps) > 1 and steps[-2] > 0 else np.inf
-        exact = fresh or ratio * steps[-1] <= LEFT
-        if fraction == 1.0 and steps[-1] <= step_tolerance and size <= residual_tolerance and exact:
-            return NewtonResult(x, True, tuple(residuals), tuple(steps))
-        if fraction < 1.0 or ratio > (KEPT if fresh else STALE):
-            jacobian = None
-    return NewtonResult(x, False, tuple(residuals), tuple(steps))
+            fresh = False
+        if fraction == 0.0 and fresh:
+            break
+    return NewtonResult(x, False, tuple(residuals), tuple(steps), jacobian)
 
 
 @dataclass(frozen=True)
@@ -148,7 +156,7 @@ def _backtracked(
         if fraction == 1.0 and np.isfinite(size):
             with np.errstate(all="ignore"):
                 following = _rms(jacobian.solve(there) / scale)  # infinite far from a solution
-            if following <= KEPT * _rms(step / scale):
+            if following <= SHORTER * _rms(step / scale):
                 return trial, there, size, fraction
         fraction /= 2
     return x, f, before, 0.0

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.numerics.continuation import COMPLEX_STEP, System, parameter_derivative
+from amoeboid.numerics.branch_points import COMPLEX_STEP, System, parameter_derivative
 
 
 @dataclass(frozen=True)

@@ -137,11 +137,11 @@ class Canvas:
         self._image.paste(Image.fromarray(block), (begin, low))
 
     def color_bar(self, low: float, high: float, title: str, font_size: float) -> None:
-        """The bar of colors along the lower edge, with five numbers and what they are."""
-        self.bar(0.2, 0.93, 0.8, 0.96)
+        """The bar of colors along the lower edge, what it shows above and five numbers below."""
+        self.bar(0.2, 0.9, 0.8, 0.93)
         for share in (0.0, 0.25, 0.5, 0.75, 1.0):
             number = f"{low + share * (high - low):.4g}"
-            self.text(self.share(0.2 + 0.6 * share, 0.915), number, INK, font_size)
+            self.text(self.share(0.2 + 0.6 * share, 0.958), number, INK, font_size)
         self.text(self.share(0.5, 0.868), title, INK, 1.15 * font_size)
 
     def share(self, x: float, y: float) -> Array:

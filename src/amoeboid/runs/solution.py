@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from amoeboid.config import Config, configured, resolved
@@ -37,7 +36,7 @@ from amoeboid.simulation.rows import Row, Rows
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import TimeSeries
 from amoeboid.surface.initial import Adaptation
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, path_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -95,7 +94,7 @@ class Solution(Run):
 
         Raises InvalidInput for a folder that holds something and a law that no file can hold.
         """
-        path = new_folder(Path(folder))
+        path = new_folder(path_of(folder, "the folder of a run"))
         run = new_run(path, self.config, self.adapted, (), self.observe, self.cell)
         run.series.rows, run.series.units = Rows(self.rows), dict(self.units)
         for frame in self.frames:
@@ -177,7 +176,8 @@ def simulate(
     first = start(config, cell)
     if folder is None:
         return _solved(config, first, record, events, progress, names, cell)
-    run = new_run(new_folder(Path(folder)), config, first.adapted, writers, names, cell)
+    path = new_folder(path_of(folder, "the folder of a run"))
+    run = new_run(path, config, first.adapted, writers, names, cell)
     return _solved(config, first, run, events, progress, names, cell)
 
 

@@ -31,7 +31,7 @@ from amoeboid.runs.snapshot import Snapshot
 from amoeboid.simulation.rows import Rows
 from amoeboid.simulation.step import Step
 from amoeboid.simulation.timeseries import column_units
-from amoeboid.validation import InvalidInput
+from amoeboid.validation import InvalidInput, path_of
 
 _ENTRY = re.compile(r'timestep="([^"]+)" part="0" file="frames/(frame_\d+\.vtp)"')
 
@@ -236,7 +236,7 @@ def load(folder: str | os.PathLike[str]) -> StoredRun:
 
     Raises InvalidInput for a folder that holds no run.
     """
-    path = Path(folder)
+    path = path_of(folder, "the folder of a run")
     if not (path / "config.toml").is_file():
         raise InvalidInput(
             f"load needs the folder of a run, {str(path)!r} has no config.toml; give the output "

@@ -12,7 +12,7 @@ from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.tracing import BranchSolution
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
-from amoeboid.numerics.continuation import Options
+from amoeboid.numerics.branch_points import Options
 from amoeboid.studies.branch_result import BIFURCATION, FOLD, HOPF, Branch, SpecialPoint
 from amoeboid.studies.columns import (
     text,

@@ -10,10 +10,11 @@ from typing import Any, overload
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.axisymmetric.linearization import slow_rate
 from amoeboid.axisymmetric.on_mesh import on_directions
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.search import SteadySolutions, steady_solutions
-from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates
+from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, count_unstable, growth_rates_of
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.display import html_picture, html_table, plotted, text_table
 from amoeboid.meshes.cells import InitialCell
@@ -89,7 +90,9 @@ class SteadyState:
 
         For m > 0 it is that for each sense of rotation.
         """
-        return {m: count_unstable(self._rates(m), self.parameters) for m in AZIMUTHAL_NUMBERS}
+        slow = slow_rate(self.parameters)
+        rates = self._rates(*AZIMUTHAL_NUMBERS)
+        return {m: count_unstable(rates[m], slow) for m in AZIMUTHAL_NUMBERS}
 
     @property
     def stable(self) -> bool:
@@ -113,13 +116,15 @@ class SteadyState:
         """
         if isinstance(m, bool) or not isinstance(m, int | np.integer) or m < 0:
             raise InvalidInput(f"the azimuthal number m must be a whole number >= 0, got {m!r}")
-        return quantity(self.parameters, self._rates(int(m)), "1/T")
+        return quantity(self.parameters, self._rates(int(m))[int(m)], "1/T")
 
     @one_thread
-    def _rates(self, m: int) -> Array:
-        if m not in self._known_rates:
-            self._known_rates[m] = growth_rates(self.solution, m)
-        return self._known_rates[m]
+    def _rates(self, *numbers: int) -> dict[int, Array]:
+        missing = [m for m in numbers if m not in self._known_rates]
+        if missing:
+            [found] = growth_rates_of([self.solution], missing)
+            self._known_rates.update(found)
+        return self._known_rates
 
     @cached_property
     def _known_rates(self) -> dict[int, Array]:

@@ -97,7 +97,13 @@ def sphere(p: Parameters, subdivisions: int) -> tuple[Model, State]:
 
 def _from_surface(p: Parameters, initial: Initial, n_nodes: int) -> Start:
     r, faces, changes = _surface(initial, n_nodes)
-    return _as_given(p, r, faces, np.full(len(r), p.c0), float(base_tension(p)), changes)
+    c, tension = np.full(len(r), p.c0), float(base_tension(p))
+    return _as_given(p, _in_units_of(p, r), faces, c, tension, changes)
+
+
+def _in_units_of(p: Parameters, r: Array) -> Array:
+    """Points of a file in the unit of length of the cell; of a cell with units they are in um."""
+    return r if p.units is None else r / float(p.quantity(1.0, "L").magnitude)
 
 
 def _from_frame(p: Parameters, path: str) -> Start:
@@ -132,9 +138,11 @@ def _scaling(model: Model, r: Array, faces: Index) -> str | None:
     factor = np.sqrt(model.A0 / given)
     if abs(factor - 1.0) < UNSCALED:
         return None
+    p = model.parameters
+    areas = [p.quantity(float(size), "L^2") for size in (given, model.A0)]
     return (
-        f"scaled by {factor:.6g}: its area {given:.6g} must be that of the membrane, 4 pi R0^2 = "
-        f"{model.A0:.6g}"
+        f"scaled by {factor:.6g}: its area {areas[0]:.6g} must be that of the membrane, 4 pi R0^2 "
+        f"= {areas[1]:.6g}"
     )
 
 

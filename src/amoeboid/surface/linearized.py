@@ -36,7 +36,7 @@ from amoeboid.numerics.recycling import Recycling
 from amoeboid.surface.force_balance import factorized_cortex, force_balance
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import (
-    angular_velocity,
+    angular_response,
     changes,
     cue_axes,
     gradient,
@@ -87,18 +87,21 @@ class LinearizedStep:
         )
         dA_dr = area_gradient(self.g, model.mesh.faces)
         self._area_gradient = np.einsum("vi,vi->v", dA_dr, self.g.normals)
-        self._dh_dzeta0 = np.einsum("vi,vi->v", self._factorized.dv_dzeta0, self.g.normals)
         zero = np.zeros(len(state.c))
         v, _, _ = self._velocity(zero, zero, zero)
-        # change of the velocity in a frame with unit angular velocity around each axis (3, V, 3)
-        self._rotations = [self._velocity(zero, zero, zero, axis)[0] - v for axis in np.eye(3)]
-        self._angular_velocity = angular_velocity(model, state.r, state.c, self.g, v)
+        # change of the velocity in a frame with unit angular velocity around each axis, and by a
+        # unit of tension (4, V, 3)
+        turned = [self._velocity(zero, zero, zero, axis)[0] - v for axis in np.eye(3)]
+        self._responses = np.stack([*turned, self._factorized.dv_dzeta0])
+        self._response_n = np.einsum("kvi,vi->kv", self._responses, self.g.normals)
+        self._turned_by = angular_response(model, state.r, state.c, self.g)
         self._v_n = np.einsum("vi,vi->v", v, self.g.normals)
         u = v - normal_part(v, self.g.normals)
         offset = OFFSET * np.random.default_rng(0).uniform(-1.0, 1.0, (len(zero), 4))
         self._c_offset = offset[:, 0] * self._scale
         self._u_offset = offset[:, 1:] * model.rate * model.parameters.R0
         self._gain = {side: self._gained(state.c, self.g, u, side) for side in (1, -1)}
+        self._gain_by = {side: self._gains(u, side) for side in (1, -1)}
         self._transport = model.scalar_solver.factor(implicit_matrix(model, self.g, u, dt)[0])
         self._axes = cue_axes(model, state.r)
         self._tilts = self._tilted()
@@ -155,20 +158,18 @@ class LinearizedStep:
         amplitude = AMPLITUDE / size
         angles = amplitude * x[len(y) :]
         (c_x, h_x), (c_y, h_y) = np.split(amplitude * x[: len(y)], 2), np.split(amplitude * y, 2)
-        p, dt, area = self.model.parameters, self.dt, self._area_gradient
+        R0, dt = self.model.parameters.R0, self.dt
         v, c, g = self._velocity(c_x, h_x, h_y, angles=angles)
-        # nodes rotate with the cell
-        omega = angular_velocity(self.model, self._moved(h_x), c, g, v) - self._angular_velocity
-        v = v + np.tensordot(omega, self._rotations, 1)
-        h = h_y + dt / p.R0 * (np.einsum("vi,vi->v", v, g.normals) - self._v_n)
-        # the tension that keeps the area
-        zeta0 = -(area @ h) / (area @ self._dh_dzeta0) * p.R0 / dt
-        h += dt / p.R0 * zeta0 * self._dh_dzeta0
-        v = v + zeta0 * self._factorized.dv_dzeta0
-        u = v - normal_part(v, g.normals)
-        gain = self._gained(c, g, u, side) - self._gain[side]
-        before = node_areas(self._moved(h_y), self.model.mesh.faces)
-        numbers = before * (self.state.c + self._scale * c_y) - g.node_areas * c
+        v_n = np.einsum("vi,vi->v", v, g.normals) - self._v_n
+        gain = self._gained(c, g, v - normal_part(v, g.normals), side) - self._gain[side]
+        # nodes rotate with the cell, and the tension keeps the area
+        of_gain, of_v_n = self._turned_by
+        omega = of_gain @ gain + of_v_n @ v_n
+        h = h_y + dt / R0 * (v_n + omega @ self._response_n[:3])
+        zeta0 = -(self._area_gradient @ h) / (self._area_gradient @ self._response_n[3]) * R0 / dt
+        h += dt / R0 * zeta0 * self._response_n[3]
+        gain += np.array([*omega, zeta0]) @ self._gain_by[side]
+        numbers = self._areas(h_y) * (self.state.c + self._scale * c_y) - g.node_areas * c
         more = self._transport.solve(numbers + dt * gain)
         return np.concatenate([c_x + more / self._scale, h, dt * self._axes @ omega]) / amplitude
 
@@ -209,6 +210,22 @@ class LinearizedStep:
         """Filaments (V,) that nodes gain per unit time, on one side of the kinks."""
         c, u = c + side * self._c_offset, u + side * self._u_offset
         return gained(self.model, c, g, u)
+
+    def _gains(self, u: Array, side: int) -> Array:
+        """Changes (4, V) of the gain by such changes of the velocity as `_responses`."""
+        unit = AMPLITUDE * self.model.rate * self.model.parameters.R0
+        changes = []
+        for w in self._responses:
+            step = unit / np.abs(w).max()
+            moved = self._gained(
+                self.state.c, self.g, u + step * (w - normal_part(w, self.g.normals)), side
+            )
+            changes.append((moved - self._gain[side]) / step)
+        return np.stack(changes)
+
+    def _areas(self, h: Array) -> Array:
+        """Node areas (V,) at a height h R0."""
+        return node_areas(self._moved(h), self.model.mesh.faces) if h.any() else self.g.node_areas
 
     def _moved(self, h: Array) -> Array:
         """Nodes (V, 3) at a height h R0 over those of the state."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, Index
 from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import (
     Geometry,
@@ -132,20 +132,56 @@ def angular_velocity(model: Model, r: Array, c: Array, g: Geometry, v: Array) ->
     It is that of the rotation closest to the present change of both, in the frame of v. For a cell
     that rotates rigidly, as on a circular path, it is exact in the discrete equations as well.
     """
+    p = model.parameters
+    matrix, weighted, bend = _rotation_fit(model, r, c, g)
+    v_n = np.einsum("vi,vi->v", v, g.normals)
+    of_c, of_r = 1.0 / (p.c0 + c), 1.0 / p.R0
+    c_rate = rate_of_change(model, c, g, v)
+    change = np.concatenate([of_c * (c_rate - bend * c * v_n), of_r * v_n])
+    return np.linalg.solve(matrix, weighted.T @ change)
+
+
+def angular_response(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array]:
+    """Derivatives of `angular_velocity` about a cell that does not change, each (3, V).
+
+    With respect to what the nodes gain per unit time, for filaments that move within the surface,
+    and to v.n.
+    """
+    p, n = model.parameters, len(c)
+    matrix, weighted, bend = _rotation_fit(model, r, c, g)
+    of_changes = np.linalg.solve(matrix, weighted.T)
+    of_c = of_changes[:, :n] / (p.c0 + c)
+    of_gain = of_c / g.node_areas
+    # motion along node normals is partly one within the triangles, and `rate_of_change` sees it
+    within = np.stack([_flow_within(row, c, g, model.mesh.faces) for row in of_gain])
+    return of_gain, of_changes[:, n:] / p.R0 - of_c * bend * c + within
+
+
+def _flow_within(shares: Array, c: Array, g: Geometry, faces: Index) -> Array:
+    """By v.n (V,): the sum of `shares` (V,) times what `advection` with v.n n brings to a node."""
+    corners = c[faces]
+    flow = g.face_areas[:, None] / 12.0 * (corners.sum(axis=1)[:, None] + corners)
+    slopes = np.einsum("fa,fad->fd", shares[faces], g.gradients)
+    along = scatter(flow[:, :, None] * slopes[:, None, :], faces, len(c))
+    return np.einsum("vi,vi->v", along, g.normals)
+
+
+def _rotation_fit(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:
+    """The closest rotation to a change x (2V,) of c/(c0 + c) and r.n/R0 is M^-1 W^T x.
+
+    Changes at points that move along the normals. Returns M (3, 3), W (2V, 3), and the change of
+    area (V,) by such a motion [1/L].
+    """
     p, mesh = model.parameters, model.mesh
     x = r - volume_centroid(r, mesh.faces)
-    # rates of change at points that move along the normals: `basis` those of a cell that rotates
-    # around the three axes, in columns, and `change` the actual ones
+    # how a cell changes that rotates around the three axes, in columns
     tilt = _moments(x, g.normals)
     carried = _carried(g.face_areas, g.gradients, mesh.faces, c, x) / g.node_areas[:, None]
-    v_n = np.einsum("vi,vi->v", v, g.normals)
-    c_rate = rate_of_change(model, c, g, v)
     bend = np.einsum("vi,vi->v", area_gradient(g, mesh.faces), g.normals) / g.node_areas
     of_c, of_r = 1.0 / (p.c0 + c), 1.0 / p.R0
     basis = np.concatenate([(of_c * (carried - (bend * c)[:, None] * tilt).T).T, of_r * tilt])
-    change = np.concatenate([of_c * (c_rate - bend * c * v_n), of_r * v_n])
     weighted = (np.tile(g.node_areas / g.area, 2) * basis.T).T
-    return np.linalg.solve(basis.T @ weighted + MIN_CHANGE * np.eye(3), weighted.T @ change)
+    return basis.T @ weighted + MIN_CHANGE * np.eye(3), weighted, bend
 
 
 @compiled

@@ -41,8 +41,8 @@ from amoeboid.validation import InvalidInput
 # Length of the step in units of 1/model.rate, and the shares of it that are tried in turn if the
 # equations of the step cannot be solved. The shorter the step, the closer the eigenvalues mu.
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
-# Tolerance of the linear equations of a step.
-TOLERANCE = 3e-5
+# Tolerance of the linear equations of a step, and of those that only tell the size of an error.
+TOLERANCE, ROUGH = 3e-5, 0.03
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -188,7 +188,7 @@ class RestrictedStep:
 
     def image(self, y: Array) -> Array:
         """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._solved(self._step.iterate(self._zero[0], y))
+        return self._solved(self._step.iterate(self._zero[0], y), self._tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -199,7 +199,7 @@ class RestrictedStep:
         parts = []
         for y, x in ((mode.real, (mu * mode).real), (mode.imag, (mu * mode).imag)):
             if np.abs(y).max() > 0.0:
-                parts.append(self._solved(self._step.defect(x, y)))
+                parts.append(self._solved(self._step.defect(x, y), ROUGH))
         return float(np.linalg.norm(parts))
 
     def start(self) -> Array:
@@ -207,9 +207,9 @@ class RestrictedStep:
         y = _start(self.state, self.model)
         return np.asarray(y - self._excluded @ (self._excluded.T @ y))
 
-    def _solved(self, right: Array) -> Array:
+    def _solved(self, right: Array, tolerance: float) -> Array:
         """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
-        solution = self._equations.solve(self._projected(right), self._tolerance)
+        solution = self._equations.solve(self._projected(right), tolerance)
         x = self._step.in_fixed_axes(solution)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 

@@ -34,6 +34,7 @@ VALUE = "value"
 """The name of what is recorded of a solver that gives one number or one array."""
 
 MAX_WHY = 2000
+LETTERS = "ijkl"  # of the dimensions of an array
 
 
 @dataclass(frozen=True)
@@ -67,11 +68,8 @@ class Solver:
         return int(getattr(own, "batch_size", 1)) if self.batch is not None else 1
 
 
-def evaluated(solver: Solver, cells: Sequence[Any], attempt: int = 0) -> tuple[list[str], Meanings]:
-    """Lines for cells, in their order, and what the names in them mean.
-
-    `attempt` tells a task that is given again from the first one.
-    """
+def evaluated(solver: Solver, cells: Sequence[Any]) -> tuple[list[str], Meanings]:
+    """Lines for cells, in their order, and what the names in them mean."""
     meanings: Meanings = {}
     with one_thread, silenced():
         if solver.batch is not None:
@@ -209,7 +207,11 @@ def _entry(name: str, value: Any) -> Recorded:
     if value is None or isinstance(value, str):
         return Recorded(value, unit)
     found = np.array(value, dtype=object)  # which keeps numbers and texts apart
-    dims = tuple(f"{name}_{letter}" for letter in "ijkl"[: found.ndim])
+    if found.ndim > len(LETTERS):
+        raise InvalidInput(
+            f"{name!r} must have at most {len(LETTERS)} dimensions, got {found.ndim}"
+        )
+    dims = tuple(f"{name}_{letter}" for letter in LETTERS[: found.ndim])
     return Recorded(found.tolist(), unit, "", dims)
 
 

@@ -4,6 +4,9 @@ An executor is anything with `submit` that gives futures with `done` and `result
 `concurrent.futures` first. A task that raises was lost with its worker, as evaluating a point never
 does. Its points are tried once more, each of them alone, so that one that ends its worker is found
 and no other pays for it.
+
+A task takes about `TASK_SECONDS`, by the time that workers measure: the cost of a task to an
+executor does not count then. Towards the end tasks become smaller, so that all workers end at once.
 """
 
 from __future__ import annotations
@@ -17,10 +20,11 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Executor, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import partial
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from amoeboid.sweeps.evaluation import Solver, evaluated, failure
@@ -33,7 +37,7 @@ Take = Callable[[Sequence[int], Sequence[str], Meanings], None]
 MAX_QUEUED = 1000  # tasks given to an executor that does not say how many it works on
 TASK_SECONDS = 0.5  # of a task that takes several points
 MAX_TASK = 200  # points of a task
-POLL = 0.2  # seconds between looks at futures of another kind
+POLL = 0.2  # seconds between looks at futures that do not call back
 HOPELESS = 3  # points lost one after the other, and none that was not
 
 
@@ -65,10 +69,11 @@ class Parallel:
         self._executor = own_processes(workers or 1) if executor is None else executor
         if isinstance(self._executor, ProcessPoolExecutor):
             check_pickles(solver)
-        self._width = getattr(self._executor, "_max_workers", None)
+        self._client = _dask_client(self._executor)
+        self._width = _width(self._executor)
         self._size = points_per_task
         self._running: dict[Any, list[int]] = {}
-        self._begun: dict[Any, float] = {}
+        self._ended: SimpleQueue[Any] = SimpleQueue()  # tasks that have called back
         self._seconds: float | None = None  # a point takes
         self._tries: dict[int, int] = {}
         self._lost_in_a_row, self._succeeded = 0, False
@@ -94,8 +99,14 @@ class Parallel:
 
     @property
     def _queued(self) -> int:
-        """How many tasks an executor has at a time."""
-        return MAX_QUEUED if self._width is None else 2 * int(self._width)
+        """How many tasks an executor has at a time.
+
+        A cluster of Dask has many, as it may grow with them, but not before their size is known.
+        """
+        unsized = self._size is None and self._seconds is None
+        if self._width is None or (self._client is not None and not unsized):
+            return MAX_QUEUED
+        return 2 * self._width
 
     def _task_size(self, left: int) -> int:
         if self._size is not None:
@@ -105,33 +116,37 @@ class Parallel:
         if self._seconds is None or self._width is None:
             return 1
         fits = int(TASK_SECONDS / max(self._seconds, 1e-6))
-        return max(1, min(fits, MAX_TASK, left // (4 * int(self._width))))
+        return max(1, min(fits, MAX_TASK, left // (4 * self._width)))
 
     def _submit(self, places: list[int]) -> None:
-        attempt = max(self._tries.get(k, 0) for k in places)
-        task = (self._solver, [self._cells[k] for k in places], attempt)
+        task = (self._solver, [self._cells[k] for k in places])
         try:
-            future = submitting(self._executor)(evaluated, *task)
+            future = submitting(self._executor)(timed, *task)
         except BrokenProcessPool:  # it broke since the last look
             self._replace()
-            future = self._executor.submit(evaluated, *task)
-        self._running[future], self._begun[future] = places, time.monotonic()
+            future = self._executor.submit(timed, *task)
+        self._running[future] = places
+        if hasattr(future, "add_done_callback"):
+            future.add_done_callback(self._ended.put)
 
     def _done(self) -> list[Any]:
         """The tasks that are done; waits for one."""
         if not self._running:
             return []
-        if all(isinstance(future, Future) for future in self._running):
-            return list(wait(self._running, return_when=FIRST_COMPLETED).done)
-        while not (found := [future for future in self._running if future.done()]):
-            time.sleep(POLL)
+        found: list[Any] = []
+        while not found:
+            with suppress(Empty):
+                found.append(self._ended.get(timeout=POLL))
+                while True:
+                    found.append(self._ended.get_nowait())
+            silent = (f for f in self._running if not hasattr(f, "add_done_callback"))
+            found.extend(future for future in silent if future.done())
         return found
 
     def _taken(self, future: Any, places: list[int]) -> list[int]:
         """Take up what a task gave; the points to try again."""
-        seconds = time.monotonic() - self._begun.pop(future)
         try:
-            lines, meanings = future.result()
+            seconds, lines, meanings = future.result()
         except Exception as error:  # whatever an executor raises for a task that is lost
             return self._lost(places, error)
         self._succeeded, self._lost_in_a_row = True, 0
@@ -176,19 +191,42 @@ class Parallel:
         if self._own:
             end(self._executor)
         context = getattr(self._executor, "_mp_context", None)
-        self._executor, self._own = own_processes(int(self._width or 1), context), True
+        self._executor, self._own = own_processes(self._width or 1, context), True
+
+
+def timed(solver: Solver, cells: Sequence[Any]) -> tuple[float, list[str], Meanings]:
+    """What `evaluated` gives, after the seconds that it took."""
+    begun = time.monotonic()
+    lines, meanings = evaluated(solver, cells)
+    return time.monotonic() - begun, lines, meanings
 
 
 def submitting(executor: Any) -> Callable[..., Any]:
     """The function that gives an executor a task.
 
     Of Dask it is that of the client: a future of Dask's executor never ends if its worker dies
-    between the end of the task and the transfer of its result.
+    between the end of the task and the transfer of its result. Its tasks are not `pure`, which
+    would give a task that was lost the same key, and the same end, when it is tried again.
     """
-    client = getattr(executor, "_client", None)
-    if type(executor).__name__ == "ClientExecutor" and client is not None:
-        return partial(client.submit, **getattr(executor, "_kwargs", {}))
+    client = _dask_client(executor)
+    if client is not None:
+        return partial(client.submit, **{**getattr(executor, "_kwargs", {}), "pure": False})
     return executor.submit
+
+
+def _dask_client(executor: Any) -> Any:
+    """The client of an executor of Dask; None for others."""
+    known = type(executor).__name__ == "ClientExecutor"
+    return getattr(executor, "_client", None) if known else None
+
+
+def _width(executor: Any) -> int | None:
+    """How many tasks an executor works on at a time, at least 1; None if it does not say."""
+    client = _dask_client(executor)
+    if client is not None:
+        return max(1, sum(client.nthreads().values()))
+    found = getattr(executor, "_max_workers", None)
+    return None if found is None else int(found)
 
 
 def own_processes(workers: int, context: Any = None) -> ProcessPoolExecutor:

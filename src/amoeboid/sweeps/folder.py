@@ -7,7 +7,10 @@
 Every process has a file of its own in `results`, `1-of-1.jsonl` or that of its shard, which only
 grows: a point costs one line, however many there are. A line is written in one piece. A killed
 process may leave the last one unfinished; without its end of line it does not count, and is cut off
-when the sweep is continued. A damaged line does not count either: its point is computed again.
+when the sweep is continued. Points that are computed side by side have a line before theirs that
+tells their number, and count only if all are there: their answers depend on each other in the last
+digits, and a sweep that is continued shall have the same bits. A damaged line does not count
+either: its point is computed again.
 Points are known by their content, so that their order and their number may change. Nothing in the
 folder is executed, or made of pickles.
 """
@@ -21,7 +24,7 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass, field
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -35,8 +38,8 @@ from amoeboid.validation import InvalidInput
 FORMAT, VERSION = "amoeboid sweep", 1
 MANIFEST, TABLE, LOCK, RESULTS = "sweep.json", "sweep.nc", ".lock", "results"
 SYNCED = 1.0  # seconds after which lines are surely on the disk
-LARGEST_LINE = 100_000_000  # characters
-BLOCK = 65536  # bytes
+LARGEST_LINE = 100_000_000  # bytes
+TOGETHER = "together"
 
 
 class SweepFolder:
@@ -46,6 +49,8 @@ class SweepFolder:
         self.path = path
         self.rows: dict[str, str] = {}
         self.meanings: Meanings = {}
+        self.outdated: set[str] = set()
+        """Keys of lines that other code has written, for the same points perhaps."""
         self._told: Meanings = {}  # those that our own file tells: each file explains itself
         self._file: FileIO | None = None
         self._size, self._synced, self._code = 0, 0.0, ""
@@ -97,10 +102,9 @@ class SweepFolder:
     def _begin(self, file: Path, manifest: Mapping[str, Any]) -> None:
         if not (self.path / MANIFEST).exists():
             self.tell(manifest)
-        self.read(str(manifest["code"]), file)
         file.touch()
+        self._size = self.read(str(manifest["code"]), file)
         self._file = file.open("r+b", buffering=0)
-        self._size = _whole_size(self._file)
         self._file.truncate(self._size)
 
     def tell(self, manifest: Mapping[str, Any]) -> None:
@@ -110,19 +114,22 @@ class SweepFolder:
         if not path.is_file() or text_of(path) != text:
             write_text(path, text)
 
-    def read(self, code: str, own: Path | None = None) -> None:
+    def read(self, code: str, own: Path | None = None) -> int:
         """Read what is done, in all files; what is whole counts.
 
-        Names mean what they do in the results of this code; `own` is the file that grows.
+        Names mean what they do in the results of this code. `own` is the file that grows; gives the
+        size of what is whole in it.
         """
-        self._code = code
+        self._code, size = code, 0
         for path in sorted((self.path / RESULTS).glob("*.jsonl")):
-            told = self._told if path == own else {}
-            conflicts: dict[str, str] = {}  # names that mean something else in another file
-            for line in _lines(path):
-                self._take(line, told, conflicts)
+            file = _File(self._told if path == own else {}, code)
+            for lines, end in _groups(path):
+                size = end if path == own else size
+                for line in lines:
+                    self._take(line, file)
+        return size
 
-    def _take(self, line: str, told: Meanings, conflicts: dict[str, str]) -> None:
+    def _take(self, line: str, file: _File) -> None:
         try:
             found = json.loads(line)
         except (ValueError, RecursionError):
@@ -130,25 +137,38 @@ class SweepFolder:
         if not isinstance(found, dict):
             return
         key = found.get("key")
-        if isinstance(found.get("meanings"), dict) and found.get("code") == self._code:
-            with suppress(TypeError, ValueError, KeyError):
-                read = {n: meaning_from(m) for n, m in found["meanings"].items()}
-                joint, differing = agreed(self.meanings, read)
-                conflicts |= differing
-                self.meanings |= joint
-                told |= agreed(told, read)[0]
-        elif isinstance(key, str) and _is_sound(found, told):
-            line = without_conflicts(line, conflicts)
+        if isinstance(found.get("meanings"), dict):
+            file.code = str(found.get("code"))
+            if file.code == self._code:
+                self._learn_from(found["meanings"], file)
+            return
+        if isinstance(key, str) and file.code != self._code:
+            self.outdated.add(key)
+        if isinstance(key, str) and _is_sound(found, file.told):
+            line = without_conflicts(line, file.conflicts)
             failed_now = status_of(line) == FAILED
             if not failed_now or key not in self.rows or status_of(self.rows[key]) == FAILED:
                 self.rows[key] = line
 
-    def add(self, rows: Mapping[str, str], meanings: Meanings) -> None:
-        """Take up lines of points, for good: {key: line}. Raises OSError for a full disk."""
+    def _learn_from(self, given: Mapping[str, Any], file: _File) -> None:
+        with suppress(TypeError, ValueError, KeyError):
+            read = {n: meaning_from(m) for n, m in given.items()}
+            joint, differing = agreed(self.meanings, read)
+            file.conflicts |= differing
+            self.meanings |= joint
+            file.told |= agreed(file.told, read)[0]
+
+    def add(self, rows: Mapping[str, str], meanings: Meanings, together: bool = False) -> None:
+        """Take up lines of points, for good: {key: line}. Raises OSError for a full disk.
+
+        `together`: they were computed side by side, and count only if all are there.
+        """
         _learn(self.meanings, meanings)
         new = _learn(self._told, meanings)
         told = {name: asdict(meaning) for name, meaning in new.items()}
         lines = [json.dumps({"code": self._code, "meanings": told})] if told else []
+        if together:
+            lines.append(json.dumps({TOGETHER: len(rows)}))
         keyed = {key: f'{{"key":{json.dumps(key)},{row[1:]}' for key, row in rows.items()}
         self._write("".join(f"{line}\n" for line in (*lines, *keyed.values())))
         self.rows |= keyed
@@ -264,21 +284,47 @@ def _is_sound(found: Mapping[str, Any], told: Meanings) -> bool:
     )
 
 
-def _lines(path: Path) -> Iterator[str]:
-    """The whole lines of a file; the last one may not be, where it is still being written."""
-    with path.open(encoding="utf-8", errors="replace", newline="\n") as file:
-        while line := file.readline(LARGEST_LINE):
-            if line.endswith("\n"):
-                yield line[:-1]
+@dataclass
+class _File:
+    """What is known of a file of results while its lines are read.
+
+    `told`: what names mean; `conflicts`: names that mean something else in another file; `code`
+    that has written the next lines.
+    """
+
+    told: Meanings
+    code: str
+    conflicts: dict[str, str] = field(default_factory=dict)
 
 
-def _whole_size(file: FileIO) -> int:
-    """The size of a file up to the end of its last whole line."""
-    size = file.seek(0, os.SEEK_END)
-    while size > 0:
-        start = file.seek(max(0, size - BLOCK))
-        end = file.read(size - start).rfind(b"\n")
-        if end >= 0:
-            return start + end + 1
-        size = start
+def _groups(path: Path) -> Iterator[tuple[list[str], int]]:
+    """The lines of a file that count, those of points side by side together, and where they end.
+
+    The last ones may not be whole, where they are being written or their process was killed.
+    """
+    waiting: list[str] = []
+    missing = 0  # lines of points side by side
+    with path.open("rb") as file:
+        while data := file.readline(LARGEST_LINE):
+            if not data.endswith(b"\n"):
+                continue
+            line = data[:-1].decode(errors="replace")
+            count = _together(line)
+            if count:
+                waiting, missing = [], count
+                continue
+            waiting.append(line)
+            missing = max(0, missing - 1)
+            if not missing:
+                yield waiting, file.tell()
+                waiting = []
+
+
+def _together(line: str) -> int:
+    """The number of points side by side that a line announces; 0 for any other line."""
+    if not line.startswith(f'{{"{TOGETHER}"'):
+        return 0
+    with suppress(ValueError, RecursionError):
+        found = json.loads(line)[TOGETHER]
+        return found if type(found) is int and found > 0 else 0
     return 0

@@ -20,8 +20,9 @@ import numpy as np
 
 from amoeboid.assignments import SECTIONS
 from amoeboid.config import Config, configured
+from amoeboid.display import shown
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters, refuse_no_parameters
-from amoeboid.studies.columns import number_of
+from amoeboid.studies.columns import NO_DIMENSION, number_of
 from amoeboid.sweeps.evaluation import POINT
 from amoeboid.validation import InvalidInput, refuse_unknown
 
@@ -119,7 +120,7 @@ def grid(base: Base | None = None, **vary: Any) -> Points:
     start = _base(base, vary)
     axes = {name: axis(start, name, values) for name, values in vary.items()}
     for name, values in axes.items():
-        if len(set(map(str, values))) < len(values):
+        if len(set(labels(start, name, values))) < len(values):
             raise InvalidInput(f"the values of {name} must differ in a grid, got {values!r:.200}")
     shape = tuple(len(values) for values in axes.values())
     _check_count(math.prod(shape))
@@ -130,6 +131,32 @@ def grid(base: Base | None = None, **vary: Any) -> Points:
     }
     spacings = {name: _spacing(values) for name, values in vary.items()}
     return Points(start, columns, tuple(axes), shape, axes=axes, spacings=spacings)
+
+
+def labels(base: Base, name: str, values: Sequence[Any]) -> tuple[Any, ...]:
+    """Values as a table has them: numbers, and texts of all others.
+
+    A law is told by its name; where two have the same one, also by their own numbers.
+    """
+    if all(isinstance(value, float) for value in values):
+        return tuple(values)
+    if name not in RELATIONS:
+        return tuple(map(str, values))
+    told = [_relation(parameters_of(base), name, value) for value in values]
+    names = [first for first, _ in told]
+    if len(set(names)) == len(names):
+        return tuple(names)
+    return tuple(f"{first} ({own})" if own else first for first, own in told)
+
+
+def _relation(p: Parameters, kind: str, value: Any) -> tuple[str, str]:
+    """The name of a law or a stress, and its own numbers; what a point refuses is told as it is."""
+    try:
+        found = p.replace(**{kind: value}).as_dict()
+    except InvalidInput:
+        return str(value), ""
+    own = {n.partition(".")[2]: v for n, v in found.items() if n.startswith(f"{kind}.")}
+    return str(found[kind]), ", ".join(f"{n} = {shown(v)}" for n, v in own.items())
 
 
 def paired(base: Base | None = None, **vary: Any) -> Points:
@@ -285,11 +312,14 @@ def _value(base: Base, name: str, given: Any) -> Any:
         return given
     if section != "parameters" and isinstance(given, tuple | list):
         return tuple(given)
-    if section != "parameters" and (isinstance(given, str | bool) or given is None):
+    dimension = dimension_of(base, name)
+    measured = parameters_of(base).units is not None and dimension not in NO_DIMENSION
+    word = isinstance(given, str) and not measured
+    if section != "parameters" and (word or isinstance(given, bool) or given is None):
         return given
     if isinstance(given, bool):
         raise InvalidInput(f"{name} must be a number, got {given!r}")
-    return number_of(parameters_of(base), given, dimension_of(base, name), name)
+    return number_of(parameters_of(base), given, dimension, name)
 
 
 def _spaced(base: Base, name: str, given: Mapping[str, Any]) -> tuple[float, ...]:

@@ -23,7 +23,7 @@ from amoeboid.sweeps.table import (
     layout_from,
     write_netcdf,
 )
-from amoeboid.validation import InvalidInput, refuse_unknown
+from amoeboid.validation import InvalidInput, path_of, refuse_unknown
 
 MAX_SHOWN = 3
 USUAL = "max_retrograde_speed"
@@ -49,13 +49,15 @@ class Sweep:
     an answer has none (yes and no are 1 and 0), texts, and `status`, `why` and `warnings` of every
     point. `sweep["max_retrograde_speed"]` is a variable of it. `failed` lists the points that
     failed. `rows` are the lines of the points, None where nothing was computed yet. `folder`: where
-    they are kept, None if nowhere.
+    they are kept, None if nowhere. `outdated`: lines in the folder that another version of
+    amoeboid or of the solver has computed, which are not in the table.
     """
 
     layout: Layout
     rows: tuple[str | None, ...]
     meanings: Meanings
     folder: Path | None = None
+    outdated: int = 0
 
     @cached_property
     def columns(self) -> dict[str, Column]:
@@ -77,7 +79,7 @@ class Sweep:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the dataset as NetCDF. Raises InvalidInput where h5netcdf is missing, OSError."""
-        write_netcdf(self.dataset, Path(path))
+        write_netcdf(self.dataset, path_of(path, "the path of a table"))
 
     def __getitem__(self, name: str) -> Any:
         """A variable or a coordinate, an xarray.DataArray."""
@@ -106,6 +108,20 @@ class Sweep:
     def done(self) -> int:
         """The number of points that were computed, those that failed among them."""
         return len(self) - self.counts.get(MISSING, 0)
+
+    @property
+    def missing(self) -> str:
+        """Why points may be missing; empty if none is."""
+        count = self.counts.get(MISSING, 0)
+        if not count:
+            return ""
+        why = "not computed yet"
+        if self.outdated:
+            why += (
+                f", or computed by other code: {self.outdated} results in the folder are those of "
+                "another version of amoeboid or of the solver; compute all shards with the same one"
+            )
+        return f"{count} of {len(self)} points are missing: {why}"
 
     @cached_property
     def failed(self) -> tuple[Failure, ...]:
@@ -153,7 +169,8 @@ class Sweep:
 
     def __repr__(self) -> str:
         told = shortened([repr(f) for f in self.failed], MAX_SHOWN, "failures", 150)
-        return "\n".join([self._heading[:400], *(f"- {line}" for line in told)])
+        notes = [*told, *([self.missing] if self.missing else [])]
+        return "\n".join([self._heading[:400], *(f"- {line}" for line in notes)])
 
     def _repr_html_(self) -> str:
         own = [n for n in self.columns if n not in OWN_NAMES][:30]
@@ -162,6 +179,7 @@ class Sweep:
             for name in own
         ]
         notes = shortened([repr(f) for f in self.failed], 20, "failures", 300)
+        notes = [*notes, *([self.missing] if self.missing else [])]
         table = html_table(self._heading, rows, ("recorded", "unit", "meaning"), notes)
         drawable = len(self.layout.coordinates) <= 2 and own
         return table + (
@@ -182,7 +200,7 @@ def load_sweep(folder: str | os.PathLike[str]) -> Sweep:
     Points that no process has computed yet have the status "missing". Raises InvalidInput for a
     folder that holds no sweep.
     """
-    path = Path(folder)
+    path = path_of(folder, "the folder of a sweep")
     manifest = read_manifest(path)
     found = layout_from(manifest.get("layout"))
     keys = manifest.get("keys")
@@ -194,4 +212,6 @@ def load_sweep(folder: str | os.PathLike[str]) -> Sweep:
     stored = SweepFolder(path)
     stored.read(str(manifest.get("code")))
     rows = tuple(stored.rows.get(str(key)) for key in keys)
-    return Sweep(found, rows, stored.meanings, path)
+    return Sweep(
+        found, rows, stored.meanings, path, len(stored.outdated.difference(map(str, keys)))
+    )

@@ -18,7 +18,7 @@ from amoeboid.studies.columns import TABLE, magnitude, unit
 from amoeboid.studies.recorded import title
 from amoeboid.sweeps.evaluation import MISSING, OWN_NAMES
 from amoeboid.sweeps.meanings import NUMBER, TEXT, Meaning, Meanings
-from amoeboid.sweeps.points import Points
+from amoeboid.sweeps.points import Points, labels
 from amoeboid.validation import InvalidInput
 
 DIGITS = 14
@@ -95,7 +95,9 @@ def layout(points: Points, attributes: Mapping[str, Any]) -> Layout:
         values = points.axes.get(name, points.columns[name])
         numeric = all(isinstance(value, float) for value in values)
         dimension = points.dimension(name) if numeric else None
-        shown = tuple(_as_given(p, values, dimension) if numeric else map(_text, values))
+        shown = tuple(
+            _as_given(p, values, dimension) if numeric else labels(points.base, name, values)
+        )
         own = (name,) if name in points.dims else points.dims
         coordinates[name] = Coordinate(own, shown, unit(p, dimension), title(name))
     return Layout(points.dims, points.shape, coordinates, attributes)
@@ -105,10 +107,6 @@ def _as_given(p: Parameters, values: Sequence[float], dimension: str | None) -> 
     """Coordinates as they were given: units that are taken off and put on leave rounding."""
     shown = np.asarray(magnitude(p, np.array(values), dimension)).tolist()
     return shown if p.units is None else [float(f"{value:.{DIGITS}g}") for value in shown]
-
-
-def _text(value: Any) -> str:
-    return str(getattr(value, "name", value))
 
 
 @dataclass(frozen=True)

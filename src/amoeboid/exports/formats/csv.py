@@ -54,8 +54,10 @@ def _profile_rows(job: Job) -> Iterator[list[Any]]:
 
 
 def files(job: Job) -> Mapping[str, Write]:
-    """The time series; profiles where there are frames."""
-    found: dict[str, Write] = {"timeseries.csv": lambda path: timeseries(job, path)}
+    """The time series, and profiles of the frames; what the run has of them."""
+    found: dict[str, Write] = {}
+    if job.has_series:
+        found["timeseries.csv"] = lambda path: timeseries(job, path)
     if len(job.numbers):
         found["profiles.csv"] = lambda path: profiles(job, path)
     return found
@@ -66,4 +68,5 @@ FORMAT = Format(
     ".csv",
     files,
     frames=False,
+    series=True,
 )

@@ -47,7 +47,7 @@ def write(job: Job, path: Path) -> None:
     """
     sizes = np.array([(len(cell.c), len(cell.faces)) for _, cell in job.cells("sizes")])
     n_nodes, n_triangles = (int(n) for n in sizes.reshape(-1, 2).max(axis=0, initial=0))
-    lengths = {"step": len(job.run.rows)}
+    lengths = {"step": len(job.run.rows)} if job.has_series else {}
     if len(job.numbers):
         lengths |= {"frame": len(job.numbers), "node": n_nodes, "triangle": n_triangles}
         lengths |= {"xyz": 3, "corner": 3}
@@ -82,7 +82,7 @@ def _about(job: Job) -> dict[str, Any]:
 
 def _add_series(job: Job, file: Any) -> None:
     """The time series over the dimension `step`."""
-    for name, column in job.run.columns.items():
+    for name, column in (job.run.columns if job.has_series else {}).items():
         kind = "i8" if name in WHOLE else "f8"
         own = f"series_{name}" if name in FIELDS else name
         variable = file.create_variable(own, ("step",), kind)
@@ -136,4 +136,5 @@ FORMAT = Format(
     files,
     packages=("h5netcdf", "h5py"),
     frames=False,
+    series=True,
 )

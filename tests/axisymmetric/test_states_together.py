@@ -1,0 +1,63 @@
+"""Spectra of several states at once are those of each state alone, to the last bit."""
+
+import numpy as np
+import pytest
+
+from amoeboid.axisymmetric.linearization import MAX_TOGETHER, linearizations
+from amoeboid.axisymmetric.search import steady_solutions
+from amoeboid.axisymmetric.stability import (
+    AZIMUTHAL_NUMBERS,
+    are_stable,
+    growth_rates,
+    growth_rates_of,
+    is_stable,
+)
+from amoeboid.axisymmetric.steady import homogeneous, steady_state
+from amoeboid.model.parameters import Parameters
+from amoeboid.validation import InvalidInput
+
+
+@pytest.fixture(scope="module")
+def states():
+    """Spheres and polarized cells: with and without turnover, friction, bending, pressure."""
+    found = list(steady_solutions(Parameters(D=0.4, v_p0=5.5), degrees=(1,)))
+    found += [
+        steady_state(Parameters(D=0.4, v_p0=v, delta_P=pressure), found[-1])
+        for v, pressure in ((5.52, 300.0), (5.54, 300.0), (5.56, 200.0), (6.0, 300.0))
+    ]
+    surrounded = Parameters(D=0.4, v_p0=5.5, gamma_t=0.01, gamma_share=0.5, kappa=0.1)
+    found.append(steady_state(surrounded, found[2]))
+    found.append(homogeneous(Parameters(beta=0.0, v_p0=0.1)))
+    assert [state.message for state in found] == [""] * len(found)
+    return found
+
+
+def test_rates_of_states_together_are_those_of_each_alone(states):
+    together = growth_rates_of(states)
+    sizes = [len(which) for which, _ in linearizations(states)]
+    assert max(sizes) > 1
+    assert len(sizes) > 2
+    for state, rates in zip(states, together, strict=True):
+        for m in AZIMUTHAL_NUMBERS:
+            np.testing.assert_array_equal(rates[m], growth_rates(state, m))
+
+
+def test_states_together_are_stable_where_each_alone_is(states):
+    answers = are_stable(states)
+    assert answers == [is_stable(state) for state in states]
+    assert set(answers) == {True, False}
+
+
+def test_more_states_than_go_together_come_back_in_order(states):
+    many = [states[2], states[3]] * MAX_TOGETHER
+    rates = [found[1][0] for found in growth_rates_of(many, (1,))]
+    assert rates == [rates[0], rates[1]] * MAX_TOGETHER
+    assert rates[0] != rates[1]
+
+
+def test_one_state_that_has_not_converged_is_refused(states):
+    p = states[2].parameters
+    attempt = steady_state(p.replace(v_p0=4.5), states[2], max_iterations=3)
+    assert not attempt.converged
+    with pytest.raises(InvalidInput, match="converged"):
+        are_stable([states[0], attempt])
