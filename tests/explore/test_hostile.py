@@ -5,6 +5,7 @@ import os
 import signal
 import struct
 import time
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 import pytest
@@ -125,14 +126,16 @@ def test_saving_before_there_is_a_cell_leaves_no_folder(tmp_path):
 @pytest.mark.slow
 def test_a_hundred_connections_leave_the_page_alone(page, address):
     live = address.replace("http:", "ws:") + "live"
-    sockets = [connect(live, origin=origin_of(address), compression=None) for _ in range(100)]
     refused = 0
-    for socket in sockets[3:]:
-        refused += "at most 4 pages" in socket.recv(timeout=30)
-    assert refused == 97
-    assert page.answers(D4)["states"]
-    for socket in sockets:
-        socket.close()
+    with ExitStack() as opened:
+        sockets = [
+            opened.enter_context(connect(live, origin=origin_of(address), compression=None))
+            for _ in range(100)
+        ]
+        for socket in sockets[3:]:
+            refused += "at most 4 pages" in socket.recv(timeout=30)
+        assert refused == 97
+        assert page.answers(D4)["states"]
     assert got(address)[0].status == 200
 
 
