@@ -126,6 +126,34 @@ def test_submitit_runs_a_sweep(tmp_path, monkeypatch):
     assert same(am.sweep(points, solvers.square, executor=jobs, points_per_task=2), points)
 
 
+class ClientExecutor:
+    """As that of Dask, with a client that computes at once."""
+
+    def __init__(self):
+        self._client, self._kwargs, self.sizes = self, {"pure": True}, []
+
+    def nthreads(self):
+        """Threads by worker."""
+        return {"one": 1, "two": 1}
+
+    def submit(self, function, solver, cells, *, pure):
+        """A future that is done; tasks that are tried again must not have the key of the first."""
+        assert pure is False
+        self.sizes.append(len(cells))
+        future = Future()
+        future.set_result(function(solver, cells))
+        return future
+
+
+def test_dask_gets_single_points_until_their_time_is_known_and_then_tasks_that_become_smaller():
+    executor, points = ClientExecutor(), am.grid(v_p0={"linspace": [1, 9, 200]})
+    assert same(am.sweep(points, solvers.square, executor=executor), points)
+    assert executor.sizes[:4] == [1] * 4  # two for each of two workers
+    assert executor.sizes[4:] == sorted(executor.sizes[4:], reverse=True)
+    assert executor.sizes[4] == (200 - 4) // 8
+    assert len(executor.sizes) < 50
+
+
 @pytest.mark.slow
 def test_dask_gives_the_same_bits():
     distributed = pytest.importorskip("distributed", reason="distributed is not installed")
