@@ -268,7 +268,7 @@ def test_wrong_files_are_named(tmp_path, capsys):
     assert main(["run", str(path)]) == 2
     assert f"{str(path)!r} must be valid TOML" in capsys.readouterr().err
     assert main(["run", str(path / "c.toml")]) == 2
-    assert "Not a directory" in capsys.readouterr().err
+    assert "run needs the path of a TOML file" in capsys.readouterr().err
     path.write_text("[parameters]\nD = 'many'\n")
     assert main(["run", str(path)]) == 2
     assert "D must be" in capsys.readouterr().err

@@ -138,7 +138,7 @@ def test_stability_is_that_of_the_solver(states):
 def test_growth_rates_stay_known_in_a_pickle(states, monkeypatch):
     rates = states[1].growth_rates(1)
     again = pickle.loads(pickle.dumps(states[1]))  # noqa: S301
-    monkeypatch.setattr("amoeboid.studies.states.growth_rates", None)
+    monkeypatch.setattr("amoeboid.studies.states.growth_rates_of", None)
     np.testing.assert_array_equal(again.growth_rates(1), rates)
 
 

@@ -176,9 +176,17 @@ def say_parameters(p: Parameters, varied: Sequence[str] = ()) -> None:
 
 
 def in_lines(parts: Sequence[str]) -> list[str]:
-    """Parts in one line with commas between them or, where it is too narrow, one in each."""
-    limit, line = width(), ", ".join(parts)
-    return [line] if limit is None or len(line) <= limit else list(parts)
+    """Parts with commas between them, in as few lines as they fit in; none is cut."""
+    limit = width()
+    lines = [parts[0]]
+    for part in parts[1:]:
+        longer = f"{lines[-1]}, {part}"
+        if limit is None or len(longer) < limit:
+            lines[-1] = longer
+        else:
+            lines[-1] += ","
+            lines.append(part)
+    return lines
 
 
 def print_json(result: dict[str, Any]) -> None:

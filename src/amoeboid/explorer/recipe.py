@@ -30,6 +30,9 @@ MAX_STEP = 0.1
 GRID = 0.01
 """Changes are at multiples of this time, in units of 1/rate, so that few digits write them."""
 
+ROUNDING = 1e-12
+"""Of a time that is written with its unit; no step is as short."""
+
 MAX_CHANGES, MAX_POKES = 300, 100
 NOISE_SIZE, STRETCH = 0.1, 1.5
 POKE_DURATION = 1.0
@@ -97,8 +100,13 @@ class Recipe:
             end=2.0 * end + 1.0 / self.rate,
             max_step=MAX_STEP / self.rate,
             stop_when_steady=False,
-            until=(f"t >= {end!r}",),
+            until=(f"t >= {self._written(end)}",),
         )
+
+    def _written(self, t: float) -> str:
+        """A time as conditions read it; in seconds less what reading it back may round."""
+        units = self.parameters.units
+        return repr(t) if units is None else f"'{t * (1.0 - ROUNDING) * units.of('T')!r} s'"
 
     def config(self, end: float) -> Config:
         """The configuration of the run until `end`."""
