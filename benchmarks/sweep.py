@@ -10,19 +10,23 @@ So many times as fast two processors that nobody else uses are, up to the last t
 point. Two processes include their start and imports; of Dask, the cluster is there before, and its
 workers import the package in a first sweep ("new"), not in a second one ("used"). Dask also works
 while nobody asks it to; the processor time of that, per second, is that of a cluster left alone. On
-a machine that others use, a sweep takes more seconds and so more of it.
+a machine that others use, a sweep takes more seconds and so more of it. Two loops without a sweep,
+each with half of the points, show what two processors of the machine do; two that share a core do
+less than twice as much as one.
 """
 
 from __future__ import annotations
 
 import functools
 import json
+import multiprocessing
 import os
 import resource
 import sys
 import tempfile
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -34,19 +38,40 @@ import amoeboid as am
 P = am.Parameters(D=0.4)
 SHORT = functools.partial(am.simulate, mesh=am.Icosphere(1), until=am.time(0.2), progress=False)
 ALONE = 5.0  # seconds in which a cluster of Dask has nothing to do
+SETTINGS = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "2s",
+}
 WARM = 50  # runs after which memory is looked at for the first time
 
 
 @contextmanager
-def dask_workers(count: int):
+def dask_workers(count: int, settings: Mapping[str, Any]):
     """An executor on workers of Dask, each with one thread, and the numbers of their processes."""
+    import dask
     from distributed import Client, LocalCluster
 
-    cluster = LocalCluster(
-        n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    )
-    with cluster, Client(cluster) as client:
-        yield client.get_executor(), tuple(client.run(os.getpid).values())
+    with dask.config.set(settings):
+        cluster = LocalCluster(
+            n_workers=count, threads_per_worker=1, dashboard_address=None, silence_logs=50
+        )
+        with cluster, Client(cluster) as client:
+            yield client.get_executor(), tuple(client.run(os.getpid).values())
+
+
+def looped(speeds: Sequence[float]) -> None:
+    """The points one after the other, without a sweep."""
+    for v_p0 in speeds:
+        am.theory(P.replace(v_p0=v_p0))
+
+
+def side_by_side(speeds: Any) -> float:
+    """Seconds that two processes take for half of the points each: what the machine can do."""
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        list(pool.map(looped, [speeds[:1], speeds[-1:]]))  # starts and imports
+        begun = time.monotonic()
+        list(pool.map(looped, [speeds[::2], speeds[1::2]]))
+        return time.monotonic() - begun
 
 
 def processor_time(others: Iterable[int] = ()) -> float:
@@ -63,7 +88,8 @@ def _processor_time_of(pid: int) -> float:
 
 def speed(count: int = 200) -> dict[str, object]:
     """Times of a serial sweep, of two processes and of two workers of Dask, and their ratios."""
-    points = am.grid(P, v_p0=np.linspace(3, 8, count))
+    speeds = np.linspace(3, 8, count)
+    points = am.grid(P, v_p0=speeds)
     am.theory(P)  # its imports are no part of the serial time
     seconds: dict[str, float] = {}
     busy: dict[str, float] = {}
@@ -77,12 +103,15 @@ def speed(count: int = 200) -> dict[str, object]:
 
     timed("serial")
     timed("two processes", workers=2)
-    with dask_workers(2) as (executor, pids):
-        before = processor_time(pids)
-        time.sleep(ALONE)
-        alone = (processor_time(pids) - before) / ALONE
-        for name in ("two new Dask workers", "two used Dask workers"):
-            timed(name, pids, executor=executor)
+    alone = {}
+    for kind, settings in (("", {}), (", as docs/sweeps.md sets them", SETTINGS)):
+        with dask_workers(2, settings) as (executor, pids):
+            before = processor_time(pids)
+            time.sleep(ALONE)
+            alone[f"two Dask workers{kind}"] = (processor_time(pids) - before) / ALONE
+            for name in ("two new Dask workers", "two used Dask workers"):
+                timed(name + kind, pids, executor=executor)
+    loops = side_by_side(speeds)
     assert all(found == rows[0] for found in rows)
     others = [name for name in seconds if name != "serial"]
     return {
@@ -92,6 +121,7 @@ def speed(count: int = 200) -> dict[str, object]:
         "serial_over": {name: seconds["serial"] / seconds[name] for name in others},
         "by_processor_time": {name: 2 * busy["serial"] / busy[name] for name in others},
         "dask_alone": alone,
+        "two_loops_without_a_sweep": seconds["serial"] / loops,
         "same_bits": True,
         "load": os.getloadavg()[0],
     }
