@@ -148,7 +148,7 @@ def _write(path: Path, checkpoint: Checkpoint, config: str) -> None:
         "flow_zeta0": np.array(step.flow.zeta0),
     }
     with path.open("wb") as file:
-        np.savez(file, allow_pickle=False, **arrays)
+        np.savez(file, **arrays)
 
 
 def read_checkpoint(path: Path) -> Checkpoint:

@@ -43,7 +43,7 @@ def save_cell_picture(path: Path, step: Step) -> None:
 def save_picture(path: Path, cell: SurfaceCell) -> None:
     """The same of a cell."""
     archive = io.BytesIO()
-    np.savez(archive, allow_pickle=False, **scene(cell))
+    np.savez(archive, **scene(cell))
     write_atomically(path, lambda p: _draw(p, archive.getvalue()))
 
 
