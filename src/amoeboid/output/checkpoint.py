@@ -11,6 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 from zipfile import ZipFile, is_zipfile
 
 import numpy as np
@@ -116,7 +117,7 @@ def write_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
 
 def _write(path: Path, checkpoint: Checkpoint, config: str) -> None:
     step = checkpoint.step
-    arrays = {
+    arrays: dict[str, Any] = {
         "config": np.array(config),
         "step": np.array([step.number, step.rejected]),
         "numbers": np.array([step.next_dt, step.rate]),
