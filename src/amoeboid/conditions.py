@@ -16,7 +16,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS
-from amoeboid.model.units import exponents, in_si
+from amoeboid.model.units import NO_DIMENSION, exponents, in_si
 from amoeboid.validation import InvalidInput, refuse_unknown
 
 if TYPE_CHECKING:
@@ -246,6 +246,6 @@ def _named(name: str, cell: Cell, t: float) -> float:
     else:
         value = p.value(name)
     dimension = None if p.units is None else _named_dimension(name, p)
-    if p.units is None or dimension in (None, "", "1"):
+    if p.units is None or dimension in NO_DIMENSION:
         return float(value)
     return float(value) * p.units.of(str(dimension))

@@ -11,6 +11,7 @@ from amoeboid.model.changes import CUE_STRENGTH, flat_changes
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import DIMENSIONS, Parameters
 from amoeboid.model.physical import number_in
+from amoeboid.model.units import NO_DIMENSION
 from amoeboid.sections import Initial, Mesh, Noise, Output, Time
 
 SECTION_CLASSES: dict[str, type] = {
@@ -18,7 +19,6 @@ SECTION_CLASSES: dict[str, type] = {
 }
 """The sections whose fields are declared, by name."""
 
-PLAIN = (None, "", "1")
 Convert = Callable[[str, Any, "str | None"], Any]
 
 
@@ -37,7 +37,11 @@ def in_numbers(
 
     def convert(label: str, value: Any, dimension: str | None) -> Any:
         number = isinstance(value, Real) and not isinstance(value, bool)
-        if dimension in PLAIN or not (number or isinstance(value, str)) or (number and plain):
+        if (
+            dimension in NO_DIMENSION
+            or not (number or isinstance(value, str))
+            or (number and plain)
+        ):
             return value
         return number_in(units, value, str(dimension), label)
 

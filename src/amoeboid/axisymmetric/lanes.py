@@ -281,13 +281,9 @@ def checked(problem: Problem) -> Callable[[Any, Any, Cells], tuple[Any, Any]]:
     )
 
 
-def nearest(places: Any, known: Any) -> Any:
-    """For each of the places (cells, axes) the index of the nearest of the known ones."""
-    return _nearest()(places, known)
-
-
 @lru_cache(maxsize=1)
-def _nearest() -> Callable[[Any, Any], Any]:
+def nearest() -> Callable[[Any, Any], Any]:
+    """A compiled function: for each place (cells, axes) the index of the nearest known one."""
     jnp = _jnp()
 
     def of_one(place: Any, known: Any) -> Any:

@@ -213,13 +213,14 @@ class _Search:
         while done < order.size:
             known = np.sort(order[:done])
             known = known[self.status[known] == CONVERGED]
-            next_ones = np.sort(order[done : done + max(GROWTH * known.size, self.chunk)])
+            end = done + max(GROWTH * known.size, self.chunk)
+            next_ones = np.sort(order[done:end])
             if known.size:
-                nearest = np.asarray(lanes.nearest(places[next_ones], places[known]))
+                nearest = np.asarray(lanes.nearest()(places[next_ones], places[known]))
                 guesses = self.z[self.modes][known[nearest]]
                 next_ones = next_ones[self._corrected(next_ones, guesses)]
             lost.append(next_ones)
-            done += max(GROWTH * known.size, self.chunk)
+            done = end
         if lost:
             self._followed(np.sort(np.concatenate(lost)))
 

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from amoeboid.arrays import Array
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import exponents
-from amoeboid.studies.columns import NO_DIMENSION, Column, dataset, frame, magnitude, titled, unit
+from amoeboid.model.units import NO_DIMENSION, exponents
+from amoeboid.studies.columns import Column, dataset, frame, magnitude, titled, unit
 
 SCALES = {"L": "R0", "T": "1/beta", "M": "eta_s/beta", "N": "R0^2 c_r"}
 NATURAL = {

@@ -16,9 +16,8 @@ from amoeboid.display import html_table, text_table
 from amoeboid.fitting.predictions import PROFILES
 from amoeboid.fitting.tables import Column, Table, table
 from amoeboid.model.parameters import Parameters
-from amoeboid.model.units import customary_unit, measured
+from amoeboid.model.units import NO_DIMENSION, customary_unit, measured
 from amoeboid.studies import observed
-from amoeboid.studies.columns import NO_DIMENSION
 from amoeboid.validation import InvalidInput, refuse_unknown
 
 THETA, CELL, ERROR = "theta", "cell", "_error"

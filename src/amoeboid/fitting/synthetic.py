@@ -13,8 +13,8 @@ from amoeboid.fitting.followed import FollowedState, polarized
 from amoeboid.fitting.measurements import ANGLES, ERROR, THETA, dimension_of
 from amoeboid.fitting.predictions import PROFILES, predicted
 from amoeboid.model.parameters import Parameters, refuse_no_parameters
-from amoeboid.model.units import customary_unit, measured
-from amoeboid.studies.columns import NO_DIMENSION, physical_number, text
+from amoeboid.model.units import NO_DIMENSION, customary_unit, measured
+from amoeboid.studies.columns import physical_number, text
 from amoeboid.studies.states import steady_states
 from amoeboid.studies.theory import theory
 from amoeboid.threads import one_thread

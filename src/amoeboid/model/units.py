@@ -15,6 +15,9 @@ from typing import Any
 from amoeboid.extras import needed
 from amoeboid.validation import InvalidInput
 
+NO_DIMENSION = (None, "", "1")
+"""How a number without a dimension states it."""
+
 QUANTITIES = "quantities with units need"
 _BASE = {"L": "meter", "T": "second", "M": "kilogram", "N": "1"}
 _CUSTOMARY_BASE = {"L": "um", "T": "s", "M": "kg"}

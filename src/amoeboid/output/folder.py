@@ -36,7 +36,7 @@ from amoeboid.config import (
     resolved,
 )
 from amoeboid.meshes.cells import InitialCell
-from amoeboid.model.units import Units, customary_unit
+from amoeboid.model.units import NO_DIMENSION, Units, customary_unit
 from amoeboid.output.atomic import remove_partial, write_atomically, write_text
 from amoeboid.output.checkpoint import CheckpointFile, read_checkpoint
 from amoeboid.output.frames import FrameFiles, write_initial
@@ -50,7 +50,6 @@ from amoeboid.output.manifest import (
 )
 from amoeboid.output.reading import checked as checked_file
 from amoeboid.output.reading import text_in, within
-from amoeboid.output.scale import NO_DIMENSION
 from amoeboid.output.timeseries import TimeSeriesFile
 from amoeboid.output.versions import installed_versions
 from amoeboid.simulation.dense_output import Schedule

@@ -10,13 +10,11 @@ import math
 from decimal import Context, Decimal
 from functools import lru_cache
 
-from amoeboid.model.units import Units, customary_power, exponents
+from amoeboid.model.units import NO_DIMENSION, Units, customary_power, exponents
 
 CONTEXT = Context(prec=50, traps=[])
 MORE_DIGITS = (18, 20, 22)
 """Significant digits of a number that the shortest text of a double does not give back."""
-
-NO_DIMENSION = (None, "", "1")
 
 
 class Scale:

@@ -14,11 +14,10 @@ from amoeboid.display import html_table
 from amoeboid.extras import needed
 from amoeboid.model.parameters import Parameters
 from amoeboid.model.physical import number_in
-from amoeboid.model.units import customary_unit, in_unit
+from amoeboid.model.units import NO_DIMENSION, customary_unit, in_unit
 from amoeboid.validation import InvalidInput
 
 TABLE = "this table needs"
-NO_DIMENSION = (None, "", "1")
 MAX_HTML_ROWS = 60
 ROUNDING = 1e-12
 """Of a share; smaller ones are the rounding of the numbers that it is made from."""

@@ -22,7 +22,8 @@ from amoeboid.assignments import SECTIONS
 from amoeboid.config import Config, configured
 from amoeboid.display import shown
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters, refuse_no_parameters
-from amoeboid.studies.columns import NO_DIMENSION, number_of
+from amoeboid.model.units import NO_DIMENSION
+from amoeboid.studies.columns import number_of
 from amoeboid.sweeps.evaluation import POINT
 from amoeboid.validation import InvalidInput, refuse_unknown
 
