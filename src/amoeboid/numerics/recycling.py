@@ -18,6 +18,8 @@ MAX_KEPT, MAX_NEW = 240, 80
 # A new image is linearly independent if more than this share of it is orthogonal to the kept
 # images.
 MIN_INDEPENDENT = 1e-12
+# Where less than this share of it is left, rounding errors are removed once more.
+CANCELLED = 0.1
 
 
 class NoConvergence(ArithmeticError):
@@ -29,7 +31,8 @@ class Recycling:
 
     def __init__(self, image: Callable[[Array], Array], n: int) -> None:
         self._image = image
-        self._directions, self._images = np.empty((16, n)), np.empty((16, n))
+        # memory is taken from the system row by row, as it is written to
+        self._directions, self._images = np.empty((MAX_KEPT, n)), np.empty((MAX_KEPT, n))
         self._kept, self._oldest = 0, 0
 
     def solve(self, b: Array, tolerance: float) -> Array:
@@ -57,14 +60,15 @@ class Recycling:
     def _new(self, residual: Array) -> tuple[Array, Array]:
         """One more direction, towards `residual`, and its image of length 1; both are kept."""
         direction, image = np.array(residual), np.array(self._image(residual))
-        size = np.linalg.norm(image)
+        size = length = np.linalg.norm(image)
         shares = np.zeros(self._kept)
-        for _ in range(2):  # twice, against cancellation
+        before = np.inf
+        while length < CANCELLED * before:
             more = self._images[: self._kept] @ image
             image -= more @ self._images[: self._kept]
             shares += more
+            before, length = length, np.linalg.norm(image)
         direction -= shares @ self._directions[: self._kept]
-        length = np.linalg.norm(image)
         if not length > MIN_INDEPENDENT * size:
             raise NoConvergence("the linear equations have no solution in the range of the map")
         direction, image = direction / length, image / length
@@ -78,9 +82,5 @@ class Recycling:
             place = self._oldest
             self._oldest = (self._oldest + 1) % MAX_KEPT
             return place
-        if self._kept == len(self._directions):
-            more = np.empty_like(self._directions)
-            self._directions = np.concatenate([self._directions, more])[:MAX_KEPT]
-            self._images = np.concatenate([self._images, more])[:MAX_KEPT]
         self._kept += 1
         return self._kept - 1

@@ -33,7 +33,7 @@ from amoeboid.meshes.geometry import (
     volume_centroid,
 )
 from amoeboid.numerics.recycling import Recycling
-from amoeboid.surface.force_balance import factorized_cortex, force_balance
+from amoeboid.surface.force_balance import factorized_cortex, force_balance, turning_responses
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import (
     angular_response,
@@ -91,7 +91,9 @@ class LinearizedStep:
         v, _, _ = self._velocity(zero, zero, zero)
         # change of the velocity in a frame with unit angular velocity around each axis, and by a
         # unit of tension (4, V, 3)
-        turned = [self._velocity(zero, zero, zero, axis)[0] - v for axis in np.eye(3)]
+        turned = turning_responses(
+            model, self._factorized, state.r, self.g, state.c, flow.v_c, self._turning
+        )
         self._responses = np.stack([*turned, self._factorized.dv_dzeta0])
         self._response_n = np.einsum("kvi,vi->kv", self._responses, self.g.normals)
         self._turned_by = angular_response(model, state.r, state.c, self.g)
@@ -178,22 +180,21 @@ class LinearizedStep:
         c_x: Array,
         h_x: Array,
         h_y: Array,
-        omega: Array | None = None,
         angles: Array | None = None,
     ) -> tuple[Array, Array, Geometry]:
         """Velocity (V, 3), c (V,) and geometry of the perturbed cell, at the tension of the state.
 
         Implicit tension acts on the motion of the shape beyond h_x. The velocity is relative to
-        axes that turn by `omega` (3,) [1/T] (None: 0) more than those of the state, and are
-        rotated by `angles` (k,) about the axes of the cue (None: 0).
+        axes that turn as those of the state do, and are rotated by `angles` (k,) about the axes of
+        the cue (None: 0).
         """
-        model, turning = self.model, self._turning if omega is None else self._turning + omega
+        model = self.model
         if angles is not None and len(angles):
             model = replace(model, cue=RotatedCue(model.cue, self._axes.T @ angles))
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
         solution = force_balance(
-            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, turning
+            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, self._turning
         )
         return solution.v(self._zeta0), c, g
 

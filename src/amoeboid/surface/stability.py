@@ -31,7 +31,7 @@ from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gr
 from amoeboid.numerics.arnoldi import ritz_values
 from amoeboid.numerics.recycling import NoConvergence, Recycling
 from amoeboid.numerics.sparse import SingularMatrix
-from amoeboid.numerics.spherical_harmonics import real_harmonic
+from amoeboid.numerics.spherical_harmonics import real_harmonics
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import rigid_changes
@@ -238,12 +238,6 @@ def _excluded(model: Model, state: State, g: Geometry) -> Array:
 def _start(state: State, model: Model) -> Array:
     """A smooth perturbation without symmetry, the same for the same cell."""
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-    patterns = np.stack(
-        [
-            real_harmonic(degree, order, x)
-            for degree in range(DEGREE + 1)
-            for order in range(-degree, degree + 1)
-        ]
-    )
+    patterns = real_harmonics(DEGREE, x)
     shares = np.random.default_rng(0).standard_normal((2, len(patterns)))
     return np.asarray((shares @ patterns).ravel())
