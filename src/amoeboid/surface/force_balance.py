@@ -236,6 +236,22 @@ def turning_responses(
     return np.stack([frame.fulfilled(np.array(w)) - at_rest for frame, w in found])
 
 
+def velocity_of_motion(
+    model: Model, factorized: FactorizedCortex, r: Array, g: Geometry, c: Array, along: Array
+) -> Array:
+    """Change (V, 3) of the velocity of `force_balance` on the factorized shape by `ahead`.
+
+    `along` (V,): the part of -`ahead` along the normals.
+    """
+    still = np.zeros_like(r)
+    resisted = product(factorized.tension, model.mesh, along)
+    if factorized.bending is not None:
+        resisted += model.parameters.kappa * factorized.bending.product(along)
+    force = -resisted[:, None] * factorized.normals
+    frame = factorized.frame.at(model, r, g, c, still, None)
+    return frame.fulfilled(factorized.factor.solve(force.ravel()))
+
+
 def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Minus the node forces of a unit of tension (V, 3): the normal part of dA/dr [L]."""
     return normal_force(area_gradient(g, faces), r, g)

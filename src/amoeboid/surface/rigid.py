@@ -51,7 +51,9 @@ def _mean_slopes(c, areas, gradients, faces):  # type: ignore[no-untyped-def]
     for f in range(len(areas)):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
         for d in range(3):
-            slope = c[i] * gradients[f, 0, d] + c[j] * gradients[f, 1, d] + c[k] * gradients[f, 2, d]
+            slope = (
+                c[i] * gradients[f, 0, d] + c[j] * gradients[f, 1, d] + c[k] * gradients[f, 2, d]
+            )
             share = slope * areas[f] / 3.0
             sums[i, d] += share
             sums[j, d] += share
@@ -181,10 +183,14 @@ def _carried_along(shares, c, areas, gradients, normals, faces):  # type: ignore
         total = c[i] + c[j] + c[k]
         for d in range(3):
             slope = (
-                shares[i] * gradients[f, 0, d]
-                + shares[j] * gradients[f, 1, d]
-                + shares[k] * gradients[f, 2, d]
-            ) * areas[f] / 12.0
+                (
+                    shares[i] * gradients[f, 0, d]
+                    + shares[j] * gradients[f, 1, d]
+                    + shares[k] * gradients[f, 2, d]
+                )
+                * areas[f]
+                / 12.0
+            )
             along[i] += slope * (total + c[i]) * normals[i, d]
             along[j] += slope * (total + c[j]) * normals[j, d]
             along[k] += slope * (total + c[k]) * normals[k, d]

@@ -28,8 +28,8 @@ from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
-from amoeboid.numerics.arnoldi import ritz_values
-from amoeboid.numerics.recycling import NoConvergence, Recycling
+from amoeboid.numerics.arnoldi import Ritz, ritz_values
+from amoeboid.numerics.recycling import NoConvergence, Recycling, SolvedImages
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonics
 from amoeboid.surface.linearized import LinearizedStep
@@ -43,6 +43,8 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step, and of those that only tell the size of an error.
 TOLERANCE, ROUGH = 3e-5, 0.03
+# All steps are solved for to this tolerance at first; to the other where the error asks for it.
+ROUGH_IMAGE = 1e-3
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -128,35 +130,96 @@ def _with_steps(
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
     wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
+
+    def accurate(rate: float, error: float) -> bool:
+        return error < wanted and (abs(rate) > error or error < smallest)
+
+    def choose(found: Ritz) -> tuple[int, bool]:
+        leading = _leading(found, restricted.dt)
+        if leading is None:
+            return int(np.argmax(np.abs(found.values))), False
+        known = accurate(leading.rate, leading.error)
+        enough = accurate(leading.rate, leading.iteration_error)
+        return leading.worst, leading.unsolved and enough and not known
+
     best = Growth(None, problem="no perturbation was found that decays slowly enough")
     mode = None
-    for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
+    values = ritz_values(restricted.images(), restricted.start(), choose)
+    for count, found in enumerate(values, 1):
         if count > MAX_APPLICATIONS:
             break
-        seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
-        if count < MIN_APPLICATIONS or not len(seen):
+        leading = _leading(found, restricted.dt)
+        if count < MIN_APPLICATIONS or leading is None:
             continue
-        mu = found.values[seen]
-        exponents = (1.0 - 1.0 / mu) / restricted.dt
-        rates = exponents.real
-        residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
-        first = int(np.argmax(rates))
-        rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
-        # error of the largest rate, or another rate may turn out to be the largest
-        iteration_error = max(weight * residuals[first], float((rates + residuals).max()) - rate)
-        error = iteration_error
+        error, iteration_error, mu = leading.error, leading.iteration_error, leading.mu
+        vector = found.vector(leading.first)
         if iteration_error < wanted:
-            tested = restricted.residual(found.vector(int(seen[first])), mu[first])
-            error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
+            tested = restricted.residual(vector, mu) / (abs(mu) ** 2 * restricted.dt)
+            error = max(error, leading.weight * tested)
         if not np.isfinite(error):
             continue
-        frequency = abs(float(exponents[first].imag))
-        best, mode = Growth(rate, float(error), "", frequency), found.vector(int(seen[first]))
-        accurate = error < wanted and (abs(rate) > error or error < smallest)
+        best, mode = Growth(leading.rate, float(error), "", leading.frequency), vector
         # or further applications would not reduce the error
-        if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):
+        further = iteration_error < wanted and iteration_error < SMALL_SHARE * error
+        if further or accurate(leading.rate, error):
             break
     return best, mode
+
+
+@dataclass(frozen=True)
+class _Leading:
+    """The largest growth rate among Ritz values, number `first`, whose factor is `mu`.
+
+    `error`: its error, by the number `worst`: the rate itself is wrong, or that one is larger; most
+    of it because equations are not `unsolved` to more digits. `iteration_error`: if all were.
+    Errors of the rate itself count with a `weight`.
+    """
+
+    first: int
+    mu: complex
+    rate: float
+    frequency: float
+    weight: float
+    error: float
+    iteration_error: float
+    worst: int
+    unsolved: bool
+
+
+def _leading(found: Ritz, dt: float) -> _Leading | None:
+    """None if there are only factors of modes that decay within a step."""
+    seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
+    if not len(seen):
+        return None
+    mu = found.values[seen]
+    exponents, scale = (1.0 - 1.0 / mu) / dt, np.abs(mu) ** 2 * dt
+    rates, residuals, unsolved = (
+        exponents.real,
+        found.residuals[seen] / scale,
+        found.errors[seen] / scale,
+    )
+    first = int(np.argmax(rates))
+    rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
+
+    def errors(sizes: Array) -> Array:
+        """Of the largest rate, or another rate may turn out to be the largest."""
+        amounts = rates - rate + sizes
+        amounts[first] = weight * sizes[first]
+        return amounts
+
+    amounts = errors(residuals + unsolved)
+    worst = int(np.argmax(amounts))
+    return _Leading(
+        first=int(seen[first]),
+        mu=complex(mu[first]),
+        rate=rate,
+        frequency=abs(float(exponents[first].imag)),
+        weight=weight,
+        error=float(amounts[worst]),
+        iteration_error=float(errors(residuals).max()),
+        worst=int(seen[worst]),
+        unsolved=bool(unsolved[worst] > residuals[worst]),
+    )
 
 
 class RestrictedStep:
@@ -179,16 +242,17 @@ class RestrictedStep:
         self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt, turning)
         self._excluded = _excluded(model, state, self._step.g)
-        self._zero = np.zeros(self._step.n), np.zeros(2 * len(state.c))
-        moved = [self._step.iterate(self._zero[0], y) for y in self._excluded.T]
+        self._zero = np.zeros(2 * len(state.c))
+        moved = [self._step.before(y) for y in self._excluded.T]
         self._moved = np.reshape(moved, (self._excluded.shape[1], self._step.n)).T
         kept = [self._kept(column) for column in self._moved.T]
         self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
         self._equations = Recycling(self._defect, self._step.n)
 
-    def image(self, y: Array) -> Array:
-        """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._solved(self._step.iterate(self._zero[0], y), self._tolerance)
+    def images(self) -> SolvedImages:
+        """The perturbations (2V,) after the step, of those that are added."""
+        rough = max(ROUGH_IMAGE, self._tolerance)
+        return SolvedImages(self._equations, self._right, self._shown, rough, self._tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -209,12 +273,17 @@ class RestrictedStep:
 
     def _solved(self, right: Array, tolerance: float) -> Array:
         """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
-        solution = self._equations.solve(self._projected(right), tolerance)
-        x = self._step.in_fixed_axes(solution)
+        return self._shown(self._equations.solve(self._projected(right), tolerance))
+
+    def _right(self, y: Array) -> Array:
+        return self._projected(self._step.before(y))
+
+    def _shown(self, unknowns: Array) -> Array:
+        x = self._step.in_fixed_axes(unknowns)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
     def _defect(self, unknowns: Array) -> Array:
-        return unknowns - self._projected(self._step.iterate(unknowns, self._zero[1]))
+        return unknowns - self._projected(self._step.iterate(unknowns, self._zero))
 
     def _projected(self, unknowns: Array) -> Array:
         return unknowns - self._moved @ (self._inverse @ self._kept(unknowns))
