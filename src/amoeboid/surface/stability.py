@@ -43,8 +43,10 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step, and of those that only tell the size of an error.
 TOLERANCE, ROUGH = 3e-5, 0.03
-# All steps are solved for to this tolerance at first; to the other where the error asks for it.
-ROUGH_IMAGE = 1e-3
+# All steps are solved for to this tolerance at first, and to the other where the error asks for
+# it. Where the map is far from normal, that may not be enough: after some applications the
+# iteration starts anew, with all steps to the other tolerance.
+ROUGH_IMAGE, ROUGH_APPLICATIONS = 1e-3, 16
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -129,50 +131,76 @@ def _with_steps(
     turning: Array | None,
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
-    wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
+    wanted = _Wanted(max_error * model.rate, min(MIN_ERROR, max_error) * model.rate)
+    best: tuple[Growth, NDArray[np.complex128] | None]
+    best = Growth(None, problem="no perturbation was found that decays slowly enough"), None
+    attempts = [(ROUGH_IMAGE, min(ROUGH_APPLICATIONS, MAX_APPLICATIONS))]
+    for rough, applications in (*attempts, (tolerance, MAX_APPLICATIONS)):
+        if rough < tolerance:
+            continue
+        *found, enough = _iterated(restricted, rough, applications, wanted)
+        best = min((found[0], found[1]), best, key=lambda known: known[0].error)
+        if enough:
+            break
+    return best
 
-    def accurate(rate: float, error: float) -> bool:
-        return error < wanted and (abs(rate) > error or error < smallest)
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The error of a growth rate that is wanted, and that if its sign is not certain [1/T]."""
+
+    error: float
+    of_sign: float
+
+    def has(self, rate: float, error: float) -> bool:
+        """Whether a rate is known well enough."""
+        return error < self.error and (abs(rate) > error or error < self.of_sign)
+
+
+def _iterated(
+    restricted: RestrictedStep, rough: float, applications: int, wanted: _Wanted
+) -> tuple[Growth, NDArray[np.complex128] | None, bool]:
+    """The growth rate after some `applications` of the step, the perturbation, and if that is all.
+
+    The equations of the step are solved to the tolerance `rough`, and then as the error asks for.
+    """
 
     def choose(found: Ritz) -> tuple[int, bool]:
         leading = _leading(found, restricted.dt)
         if leading is None:
             return int(np.argmax(np.abs(found.values))), False
-        known = accurate(leading.rate, leading.error)
-        enough = accurate(leading.rate, leading.iteration_error)
-        return leading.worst, leading.unsolved and enough and not known
+        return leading.worst, leading.unsolved(wanted)
 
-    best = Growth(None, problem="no perturbation was found that decays slowly enough")
-    mode = None
-    values = ritz_values(restricted.images(), restricted.start(), choose)
+    best, mode = Growth(None, problem="no perturbation was found that decays slowly enough"), None
+    values = ritz_values(restricted.images(rough), restricted.start(), choose)
     for count, found in enumerate(values, 1):
-        if count > MAX_APPLICATIONS:
-            break
+        if count > applications:
+            return best, mode, False
         leading = _leading(found, restricted.dt)
         if count < MIN_APPLICATIONS or leading is None:
             continue
-        error, iteration_error, mu = leading.error, leading.iteration_error, leading.mu
-        vector = found.vector(leading.first)
-        if iteration_error < wanted:
-            tested = restricted.residual(vector, mu) / (abs(mu) ** 2 * restricted.dt)
-            error = max(error, leading.weight * tested)
+        error, mu, vector = leading.error, leading.mu, found.vector(leading.first)
+        tested = leading.iteration_error < wanted.error
+        if tested:
+            residual = restricted.residual(vector, mu) / (abs(mu) ** 2 * restricted.dt)
+            error = max(error, leading.weight * residual)
         if not np.isfinite(error):
             continue
         best, mode = Growth(leading.rate, float(error), "", leading.frequency), vector
         # or further applications would not reduce the error
-        further = iteration_error < wanted and iteration_error < SMALL_SHARE * error
-        if further or accurate(leading.rate, error):
+        enough = tested and leading.iteration_error < SMALL_SHARE * error
+        if enough or wanted.has(leading.rate, error):
             break
-    return best, mode
+    return best, mode, True
 
 
 @dataclass(frozen=True)
 class _Leading:
     """The largest growth rate among Ritz values, number `first`, whose factor is `mu`.
 
-    `error`: its error, by the number `worst`: the rate itself is wrong, or that one is larger; most
-    of it because equations are not `unsolved` to more digits. `iteration_error`: if all were.
-    Errors of the rate itself count with a `weight`.
+    `error`: its error, due to number `worst`: the rate itself is wrong, or that one is larger.
+    `iteration_error`: the error if all equations were solved exactly. Errors of the rate itself
+    count with a `weight`.
     """
 
     first: int
@@ -183,7 +211,13 @@ class _Leading:
     error: float
     iteration_error: float
     worst: int
-    unsolved: bool
+
+    def unsolved(self, wanted: _Wanted) -> bool:
+        """Whether the equations must be solved to more digits, not the step be applied again."""
+        if wanted.has(self.rate, self.error) or not self.iteration_error < wanted.error:
+            return False
+        small = self.iteration_error < SMALL_SHARE * self.error
+        return small or wanted.has(self.rate, self.iteration_error)
 
 
 def _leading(found: Ritz, dt: float) -> _Leading | None:
@@ -193,11 +227,8 @@ def _leading(found: Ritz, dt: float) -> _Leading | None:
         return None
     mu = found.values[seen]
     exponents, scale = (1.0 - 1.0 / mu) / dt, np.abs(mu) ** 2 * dt
-    rates, residuals, unsolved = (
-        exponents.real,
-        found.residuals[seen] / scale,
-        found.errors[seen] / scale,
-    )
+    residuals, unsolved = found.residuals[seen] / scale, found.errors[seen] / scale
+    rates = exponents.real
     first = int(np.argmax(rates))
     rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
 
@@ -218,7 +249,6 @@ def _leading(found: Ritz, dt: float) -> _Leading | None:
         error=float(amounts[worst]),
         iteration_error=float(errors(residuals).max()),
         worst=int(seen[worst]),
-        unsolved=bool(unsolved[worst] > residuals[worst]),
     )
 
 
@@ -249,9 +279,8 @@ class RestrictedStep:
         self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
         self._equations = Recycling(self._defect, self._step.n)
 
-    def images(self) -> SolvedImages:
-        """The perturbations (2V,) after the step, of those that are added."""
-        rough = max(ROUGH_IMAGE, self._tolerance)
+    def images(self, rough: float) -> SolvedImages:
+        """The perturbations (2V,) after the step, of those that are added: to a tolerance."""
         return SolvedImages(self._equations, self._right, self._shown, rough, self._tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
