@@ -22,13 +22,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
-from amoeboid.numerics.arnoldi import Ritz, ritz_values
+from amoeboid.numerics.arnoldi import Ritz, largest_residual, ritz_values
 from amoeboid.numerics.recycling import NoConvergence, Recycling, SolvedImages
 from amoeboid.numerics.sparse import SingularMatrix
 from amoeboid.numerics.spherical_harmonics import real_harmonics
@@ -46,7 +47,7 @@ TOLERANCE, ROUGH = 3e-5, 0.03
 # All steps are solved for to this tolerance at first, and to the other where the error asks for
 # it. Where the map is far from normal, that may not be enough: after some applications the
 # iteration starts anew, with all steps to the other tolerance.
-ROUGH_IMAGE, ROUGH_APPLICATIONS = 1e-3, 16
+ROUGH_IMAGE, ROUGH_APPLICATIONS, MAX_ROUGH = 1e-3, 16, 2.0
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -76,6 +77,9 @@ class Growth:
     error: float = math.inf
     problem: str = ""
     frequency: float = 0.0
+
+
+NONE_FOUND = Growth(None, problem="no perturbation was found that decays slowly enough")
 
 
 def leading_growth_rate(
@@ -132,14 +136,15 @@ def _with_steps(
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
     wanted = _Wanted(max_error * model.rate, min(MIN_ERROR, max_error) * model.rate)
-    best: tuple[Growth, NDArray[np.complex128] | None]
-    best = Growth(None, problem="no perturbation was found that decays slowly enough"), None
-    attempts = [(ROUGH_IMAGE, min(ROUGH_APPLICATIONS, MAX_APPLICATIONS))]
-    for rough, applications in (*attempts, (tolerance, MAX_APPLICATIONS)):
+    best: tuple[Growth, NDArray[np.complex128] | None] = NONE_FOUND, None
+    for rough, applications in ((ROUGH_IMAGE, ROUGH_APPLICATIONS), (tolerance, MAX_APPLICATIONS)):
         if rough < tolerance:
             continue
-        *found, enough = _iterated(restricted, rough, applications, wanted)
-        best = min((found[0], found[1]), best, key=lambda known: known[0].error)
+        found, mode, enough = _iterated(
+            restricted, rough, min(applications, MAX_APPLICATIONS), wanted
+        )
+        if found.rate is not None:
+            best = found, mode
         if enough:
             break
     return best
@@ -168,39 +173,43 @@ def _iterated(
     def choose(found: Ritz) -> tuple[int, bool]:
         leading = _leading(found, restricted.dt)
         if leading is None:
-            return int(np.argmax(np.abs(found.values))), False
-        return leading.worst, leading.unsolved(wanted)
+            return largest_residual(found)
+        unsolved = leading.unsolved(wanted)
+        if unsolved or rough > restricted.tolerance:
+            return leading.worst, unsolved
+        return largest_residual(found)
 
-    best, mode = Growth(None, problem="no perturbation was found that decays slowly enough"), None
+    best, mode = NONE_FOUND, None
     values = ritz_values(restricted.images(rough), restricted.start(), choose)
-    for count, found in enumerate(values, 1):
-        if count > applications:
-            return best, mode, False
+    for count, found in enumerate(islice(values, applications), 1):
         leading = _leading(found, restricted.dt)
         if count < MIN_APPLICATIONS or leading is None:
             continue
-        error, mu, vector = leading.error, leading.mu, found.vector(leading.first)
+        far = leading.iteration_error > MAX_ROUGH * restricted.model.rate
+        if far and count == MIN_APPLICATIONS and rough > restricted.tolerance:
+            break
+        error, mu, vector = leading.bound, leading.mu, found.vector(leading.first)
         tested = leading.iteration_error < wanted.error
         if tested:
             residual = restricted.residual(vector, mu) / (abs(mu) ** 2 * restricted.dt)
-            error = max(error, leading.weight * residual)
+            error = max(leading.error, leading.weight * residual)
         if not np.isfinite(error):
             continue
         best, mode = Growth(leading.rate, float(error), "", leading.frequency), vector
         # or further applications would not reduce the error
         enough = tested and leading.iteration_error < SMALL_SHARE * error
         if enough or wanted.has(leading.rate, error):
-            break
-    return best, mode, True
+            return best, mode, True
+    return best, mode, False
 
 
 @dataclass(frozen=True)
 class _Leading:
     """The largest growth rate among Ritz values, number `first`, whose factor is `mu`.
 
-    `error`: its error, due to number `worst`: the rate itself is wrong, or that one is larger.
-    `iteration_error`: the error if all equations were solved exactly. Errors of the rate itself
-    count with a `weight`.
+    `iteration_error`: its error if the equations of the steps were solved exactly: the rate itself
+    is wrong, with a `weight`, or another rate may turn out to be larger. `error`: with what is
+    unsolved of the equations of others; `bound`: of its own as well. Most of it is due to `worst`.
     """
 
     first: int
@@ -208,15 +217,16 @@ class _Leading:
     rate: float
     frequency: float
     weight: float
-    error: float
     iteration_error: float
+    error: float
+    bound: float
     worst: int
 
     def unsolved(self, wanted: _Wanted) -> bool:
         """Whether the equations must be solved to more digits, not the step be applied again."""
-        if wanted.has(self.rate, self.error) or not self.iteration_error < wanted.error:
+        if wanted.has(self.rate, self.bound) or not self.iteration_error < wanted.error:
             return False
-        small = self.iteration_error < SMALL_SHARE * self.error
+        small = self.iteration_error < SMALL_SHARE * self.bound
         return small or wanted.has(self.rate, self.iteration_error)
 
 
@@ -227,28 +237,27 @@ def _leading(found: Ritz, dt: float) -> _Leading | None:
         return None
     mu = found.values[seen]
     exponents, scale = (1.0 - 1.0 / mu) / dt, np.abs(mu) ** 2 * dt
-    residuals, unsolved = found.residuals[seen] / scale, found.errors[seen] / scale
-    rates = exponents.real
+    rates, residuals = exponents.real, found.residuals[seen] / scale
     first = int(np.argmax(rates))
     rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
 
-    def errors(sizes: Array) -> Array:
-        """Of the largest rate, or another rate may turn out to be the largest."""
-        amounts = rates - rate + sizes
-        amounts[first] = weight * sizes[first]
+    def errors(own: Array, others: Array) -> Array:
+        amounts = rates - rate + others
+        amounts[first] = weight * own[first]
         return amounts
 
-    amounts = errors(residuals + unsolved)
-    worst = int(np.argmax(amounts))
+    uncertain = residuals + found.errors[seen] / scale
+    bounds = errors(uncertain, uncertain)
     return _Leading(
         first=int(seen[first]),
         mu=complex(mu[first]),
         rate=rate,
         frequency=abs(float(exponents[first].imag)),
         weight=weight,
-        error=float(amounts[worst]),
-        iteration_error=float(errors(residuals).max()),
-        worst=int(seen[worst]),
+        iteration_error=float(errors(residuals, residuals).max()),
+        error=float(errors(residuals, uncertain).max()),
+        bound=float(bounds.max()),
+        worst=int(seen[np.argmax(bounds)]),
     )
 
 
@@ -269,7 +278,7 @@ class RestrictedStep:
         tolerance: float,
         turning: Array | None = None,
     ) -> None:
-        self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
+        self.model, self.state, self.dt, self.tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt, turning)
         self._excluded = _excluded(model, state, self._step.g)
         self._zero = np.zeros(2 * len(state.c))
@@ -281,7 +290,7 @@ class RestrictedStep:
 
     def images(self, rough: float) -> SolvedImages:
         """The perturbations (2V,) after the step, of those that are added: to a tolerance."""
-        return SolvedImages(self._equations, self._right, self._shown, rough, self._tolerance)
+        return SolvedImages(self._equations, self._right, self._shown, rough, self.tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
