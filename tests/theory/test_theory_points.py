@@ -17,7 +17,6 @@ from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
-
 MANY = 200_000
 
 
