@@ -19,8 +19,11 @@ settings.register_profile(
     derandomize=True,
     deadline=None,
     database=None,
+    max_examples=50,
     suppress_health_check=[HealthCheck.too_slow],
 )
+# .ci/run --slow: pytest --hypothesis-profile=thorough
+settings.register_profile("thorough", settings.get_profile("amoeboid"), max_examples=300)
 settings.load_profile("amoeboid")
 
 
