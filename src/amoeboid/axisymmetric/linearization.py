@@ -23,17 +23,16 @@ from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
 from amoeboid.axisymmetric.perturbations import (
     Base,
     base_fields,
-    perturbed_fields,
+    normals,
     rates_of,
     removed,
     rigid_motions,
-    together,
-    trial_velocities,
+    tangents,
     velocity_response,
 )
 from amoeboid.axisymmetric.steady import SteadySolution, unknowns_in_units
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.closed_forms.linear import finite_pressure_rates
+from amoeboid.closed_forms.linear import finite_pressure_matrix
 from amoeboid.closed_forms.points import points
 from amoeboid.model.natural_units import natural_units, point_in_units
 from amoeboid.model.parameters import DIMENSIONS, ParameterPoint, Parameters
@@ -66,8 +65,7 @@ class Linearization:
     @cached_property
     def base(self) -> Base:
         """The fields of the states; the nodes are the same for every m."""
-        basis = self.basis(0)
-        return together([base_fields(state, basis) for state in self.states])
+        return base_fields(self.states, self.parameters, self.basis(0))
 
     @cached_property
     def parameters(self) -> ParameterPoint:
@@ -78,11 +76,6 @@ class Linearization:
                 for name in DIMENSIONS
             }
         )
-
-    @property
-    def scale(self) -> Any:
-        """ds/dx of the states."""
-        return _column([state.length_scale for state in self.states])
 
     @cached_property
     def slow_rates(self) -> list[float]:
@@ -118,12 +111,10 @@ class Linearization:
 
     def _matrices(self, m: int) -> tuple[Array, Array, Array]:
         """The rate of (h, c') of each state, and what `removed` says."""
-        basis, base, p, scale = self.basis(m), self.base, self.parameters, self.scale
-        trial = trial_velocities(base, basis, scale)
-        perturbed = perturbed_fields(base, basis, scale)
-        rigid = rigid_motions(base, m)
-        response = velocity_response(p, base, trial, perturbed, rigid)
-        rates = rates_of(p, base, perturbed, response)
+        basis, base, p = self.basis(m), self.base, self.parameters
+        along, across, rigid = tangents(base, basis), normals(base, basis), rigid_motions(base, m)
+        response = velocity_response(p, base, along, across, rigid)
+        rates = rates_of(p, base, across, response)
         mass = basis.values.T @ (base.measure * basis.values)
         halves = np.split(solve(mass, np.concatenate(rates, axis=-1)), 2, axis=-1)
         conserved = self.states[0].parameters.beta == 0
@@ -253,9 +244,10 @@ def highest_growing_of(cells: Sequence[Parameters]) -> list[int]:
             name: np.array([[getattr(cells[k], name)] for k in group]) for name in DIMENSIONS
         }
         with np.errstate(all="ignore"):  # what is not finite is rejected
-            rates = finite_pressure_rates(replace(points(cells[group[0]]), **values), l)[
-                ..., 0
-            ].real
-        for k, growing in zip(group, rates > 0, strict=True):
+            of_modes = finite_pressure_matrix(replace(points(cells[group[0]]), **values), l)
+        a, b, c, d = np.moveaxis(of_modes.reshape(*of_modes.shape[:-2], 4), -1, 0)
+        # one of two eigenvalues has a positive real part
+        grows = (a + d > 0) | (a * d < b * c)
+        for k, growing in zip(group, grows, strict=True):
             found[k] = int(l[growing][-1]) if growing.any() else 0
     return found
