@@ -65,6 +65,15 @@ def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
     return SteadySolution(at, modes_of(point), point.x, True, ())
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What distinguishes a point from the sphere, and its front from its rear."""
+
+    point: Point
+    deviation: Array
+    asymmetry: Array
+
+
 @dataclass
 class Path:
     """The arcs of a branch from `start` on, as an iterable that can be used once.
@@ -89,7 +98,7 @@ class Path:
     unresolved: Arc | None = None
     count: int = field(default=0, init=False)
     _finer: float = field(default=1.0, init=False)
-    _deviations: list[tuple[Point, Array]] = field(default_factory=list, init=False, repr=False)
+    _seen: list[_Seen] = field(default_factory=list, init=False, repr=False)
 
     def __iter__(self) -> Iterator[Arc]:
         here: Point | None = self.start
@@ -174,11 +183,9 @@ class Path:
 
         A branch that ends there continues as its mirror image; a step may jump over that point.
         """
-        pairs = (
-            (self._deviation(anchor), self._deviation(point)),
-            (asymmetry(anchor), asymmetry(point)),
-        )
-        return any(np.any(a) and not np.any(b) for a, b in pairs)
+        a, b = self._look(anchor), self._look(point)
+        pairs = (a.deviation, b.deviation), (a.asymmetry, b.asymmetry)
+        return any(before.any() and not after.any() for before, after in pairs)
 
     def _ended(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
         """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`.
@@ -186,10 +193,11 @@ class Path:
         Empty where the step was too long to tell what it has met: the branch passes through the
         sphere and none from there leads back to `anchor`, or through zero, where it has no state.
         """
-        if _reversed(self._deviation(anchor), self._deviation(point)):
+        before, after = self._look(anchor), self._look(point)
+        if _reversed(before.deviation, after.deviation):
             self.end = SPHERE
             return self._to_sphere(anchor, point, pending)
-        if _reversed(asymmetry(anchor), asymmetry(point)):
+        if _reversed(before.asymmetry, after.asymmetry):
             self.end = SYMMETRIC
             return self._to_symmetry(anchor, point, pending)
         if point.parameter <= 0:
@@ -218,15 +226,16 @@ class Path:
                 return [*pending[:k], Arc(arc.anchor, arc.a, replace(end, parameter=0.0))]
         return []
 
-    def _deviation(self, point: Point) -> Array:
-        """The scaled difference of shape, flow and concentration from the sphere, kept for two."""
-        for known, deviation in self._deviations:
-            if known is point:
-                return deviation
-        self._deviations = [*self._deviations[-1:], (point, self._difference(point))]
-        return self._deviations[-1][1]
+    def _look(self, point: Point) -> _Seen:
+        """What is seen of a point, kept for two."""
+        for known in self._seen:
+            if known.point is point:
+                return known
+        self._seen = [*self._seen[-1:], _Seen(point, self._deviation(point), asymmetry(point))]
+        return self._seen[-1]
 
-    def _difference(self, point: Point) -> Array:
+    def _deviation(self, point: Point) -> Array:
+        """The scaled difference of shape, flow and concentration from the sphere."""
         at = point.system.point(np.array([point.parameter]))  # type: ignore[attr-defined]
         difference = point.x - homogeneous_unknowns(at, modes_of(point))
         scaled = difference * np.sqrt(point.system.weights)

@@ -57,7 +57,11 @@ def fields_by_name(x: Array, n: int, points: int | None = None) -> dict[str, Arr
     angles, odd, even, without = _evaluation(n, points or n)
     psi, u, c, scalars = split(x, n)
     values = np.empty((4, without.shape[1]), x.dtype)
-    for found, matrix, series in ((values[:2], angles, psi), (values[2], odd, u), (values[3], even, c)):
+    for found, matrix, series in (
+        (values[:2], angles, psi),
+        (values[2], odd, u),
+        (values[3], even, c),
+    ):
         np.matmul(matrix, series, found.reshape(-1))
     values[:2] += without
     return dict(zip(FIELDS, (*values, *scalars[:, None]), strict=True))
