@@ -10,7 +10,7 @@ lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`)
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -70,12 +70,9 @@ class Linearization:
     @cached_property
     def parameters(self) -> ParameterPoint:
         """Those of the states: numbers where all agree, else arrays (states, 1, 1)."""
-        return _Together(
-            {
-                name: _column([getattr(state.parameters, name) for state in self.states])
-                for name in DIMENSIONS
-            }
-        )
+        cells = [state.parameters for state in self.states]
+        values = {name: _column([getattr(p, name) for p in cells]) for name in DIMENSIONS}
+        return _Together(values, cells[0].has_friction, cells[0].has_isotropic_stress)
 
     @cached_property
     def slow_rates(self) -> list[float]:
@@ -129,12 +126,21 @@ def slow_rate(p: Any) -> float:
 
 
 class _Together(ParameterPoint):
-    """Parameters of several cells."""
+    """Parameters of several cells that all have friction, or an isotropic stress, or have none."""
+
+    def __init__(self, values: Mapping[str, Any], friction: bool, isotropic_stress: bool) -> None:
+        super().__init__(values)
+        self._has = friction, isotropic_stress
 
     @property
     def has_friction(self) -> bool:
         """See Material.has_friction."""
-        return bool(np.any(self.gamma_t + self.gamma_n + self.gamma_c))
+        return self._has[0]
+
+    @property
+    def has_isotropic_stress(self) -> bool:
+        """See Material.has_isotropic_stress."""
+        return self._has[1]
 
 
 def _column(values: Sequence[float]) -> Any:
@@ -199,7 +205,8 @@ def linearizations(
 
 def _terms(p: Any) -> tuple[Hashable, ...]:
     """What decides which terms the linear problem of a cell has."""
-    return p.beta == 0, p.kappa == 0, p.has_friction, p.gamma_share, p.c0
+    none = p.beta == 0, p.kappa == 0
+    return *none, p.has_friction, p.has_isotropic_stress, p.gamma_share, p.c0
 
 
 def degree_for(state: SteadySolution) -> int:

@@ -207,7 +207,7 @@ def velocity_response(
     """(a, b, w) at the nodes that each perturbation drives.
 
     Without net rigid motion; with friction relative to the surroundings of the unperturbed cell.
-    One column for every harmonic of h, then one for every harmonic of c'.
+    One column for every harmonic of h, then one for every harmonic of c' if c' drives anything.
     """
     if p.has_friction:
         rigid = []  # none is free
@@ -216,8 +216,9 @@ def velocity_response(
     free = tangential + count
     constrained = not np.any(across.wave)
     size = free + len(rigid) + constrained
+    driving = 2 if constrained or p.has_friction or p.has_isotropic_stress else 1
     matrix = np.zeros((base.r.shape[0], size, size))
-    right = np.zeros((base.r.shape[0], size, 2 * count))
+    right = np.zeros((base.r.shape[0], size, driving * count))
     _fill_stiffness(matrix[:, :free, :free], p, base, along, across)
     _fill_load(right[:, :free], p, base, along, across)
     borders = [
@@ -285,7 +286,7 @@ def _fill_stiffness(found: Array, p: Any, base: Base, along: Tangents, across: N
 def _fill_load(found: Array, p: Any, base: Base, along: Tangents, across: Normals) -> None:
     """Virtual power of the forces, less that of the perturbed stress, with the velocity held.
 
-    One column for every harmonic of h, then one for every harmonic of c'.
+    One column for every harmonic of h, then one for every harmonic of c' if there are as many.
     """
     m, k1, k2, e1, e2 = base.measure, base.kappa_1, base.kappa_2, base.stretch_1, base.stretch_2
     h, h_s, around, turned = across.values, across.slopes, across.around, np.any(across.wave)
@@ -314,7 +315,7 @@ def _fill_load(found: Array, p: Any, base: Base, along: Tangents, across: Normal
         lifted += m * base.sigma_2 * across.wave * around
     out = h.T @ lifted + _turned(h_s) @ (m * base.sigma_1 * h_s)
     found[:, :tangential, :count], found[:, tangential:, :count] = -in_plane, -out
-    if np.any(base.tau_slope):
+    if p.has_isotropic_stress:
         contracted = (m * base.tau_slope) * h
         dilation = along.stretches[:, : h.shape[0]] + along.stretches[:, h.shape[0] :]
         found[:, :tangential, count:] = -_turned(dilation) @ contracted
@@ -336,13 +337,17 @@ def rates_of(
     a, b, w = response
     f, f_s, wave = fields.values, fields.slopes, fields.wave
     k1, k2, c, U, W, H = base.kappa_1, base.kappa_2, base.c, base.U, base.W, base.H
-    h_rate = w + _beside([-U * f_s, base.slope * f])
+    driven = w.shape[-1]
+    h_rate = _beside([-U * f_s, base.slope * f])
+    h_rate[..., :driven] += w
     along = (c * W) * f_s + (c * U * k2 - p.D * base.c_s * (k2 - k1)) * f
-    flux_1 = c * a + _beside([along, U * f - p.D * f_s])
-    source = (-c * H) * h_rate + _beside([(p.beta * H * (p.c0 - c)) * f, -p.beta * f])
+    flux_1 = _beside([along, U * f - p.D * f_s])
+    flux_1[..., :driven] += c * a
+    source = (-c * H) * h_rate
+    source += _beside([(p.beta * H * (p.c0 - c)) * f, -p.beta * f])
     if np.any(wave):
-        flux_2 = c * b + _beside([(c * W * wave) * f, (-p.D * wave) * f])
-        source += wave * flux_2
+        source += _beside([(c * W * wave**2) * f, (-p.D * wave**2) * f])
+        source[..., :driven] += (c * wave) * b
     tested = _turned(base.measure * f) @ np.concatenate([h_rate, source], axis=-1)
     count = h_rate.shape[-1]
     return tested[..., :count], _turned(base.measure * f_s) @ flux_1 + tested[..., count:]
