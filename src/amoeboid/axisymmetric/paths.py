@@ -16,7 +16,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import branch_tangent, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.steady import SteadySolution, homogeneous_unknowns
+from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
 from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
@@ -235,13 +235,14 @@ class Path:
         return self._seen[-1]
 
     def _deviation(self, point: Point) -> Array:
-        """The scaled difference of shape, flow and concentration from the sphere."""
+        """The scaled difference of shape, flow and concentration from those of the sphere."""
         at = point.system.point(np.array([point.parameter]))  # type: ignore[attr-defined]
-        difference = point.x - homogeneous_unknowns(at, modes_of(point))
-        scaled = difference * np.sqrt(point.system.weights)
-        if np.linalg.norm(scaled) <= NOTHING:
-            scaled = np.zeros_like(scaled)
-        psi, u, c, _ = split(scaled, modes_of(point))
+        difference = point.x.copy()
+        psi, u, c, _ = split(difference, modes_of(point))
+        c[0] -= at.c0
+        difference *= np.sqrt(point.system.weights)
+        if np.linalg.norm(difference) <= NOTHING:
+            difference[:] = 0.0
         return _padded(psi, u, c)
 
     def _to_sphere(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:

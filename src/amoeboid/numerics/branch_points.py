@@ -121,6 +121,30 @@ def slope(point: Point, row: Array) -> float:
     return float(point.parameter_tangent / along)
 
 
+def cubic(f: Any, df: Any, g: Any, dg: Any, t: float) -> Any:
+    """The cubic with the values f at t = 0 and g at t = 1, and the slopes df and dg."""
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * f
+        + t * (1 - t) ** 2 * df
+        + t * t * (3 - 2 * t) * g
+        - t * t * (1 - t) * dg
+    )
+
+
+def interpolated(low: Point, high: Point, share: float, row: Array, width: float) -> Array:
+    """(x, parameter) at a share of the distance `width` between two points, from the cubic.
+
+    Distances are along the tangent that `row` stands for.
+    """
+
+    def tangent(q: Point) -> Array:
+        full = joined(q.x_tangent, q.parameter_tangent)
+        return full * (width / (row @ full))
+
+    ends = [joined(q.x, q.parameter) for q in (low, high)]
+    return np.asarray(cubic(ends[0], tangent(low), ends[1], tangent(high), share))
+
+
 def size_of(point: Point) -> float:
     """The norm of x, at least 1."""
     return max(1.0, float(np.sqrt(inner(point.system, point.x, point.x))))
