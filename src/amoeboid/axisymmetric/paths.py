@@ -7,7 +7,7 @@ start, and where the parameter reaches zero.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -39,8 +39,8 @@ SAME = 1e-6
 MAX_DEGREE = 12
 """Highest mode of the sphere that is tried where a branch reaches the sphere."""
 
-MAX_COARSE_STEP = 1.5
-"""Longest step outside the window."""
+FIRST_COARSE_STEP, MAX_COARSE_STEP = 0.05, 1.5
+"""First step outside the window, unless the one before was longer, and the longest one."""
 
 FINER, MAX_FINER = 8.0, 600.0
 """Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
@@ -79,10 +79,11 @@ class Path:
     """The arcs of a branch from `start` on, as an iterable that can be used once.
 
     Steps outside the `window`, if there is one, are coarse; where the branch enters it, there is a
-    point on the edge. After the last arc, `end` names how the branch ended (empty if max_points did
-    not suffice) and `threshold` is the value of the parameter if it ended at the sphere. `last` is
-    the end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the
-    arc that leads to it.
+    point on the edge. The path also ends with the first point that is `enough`, resolved or not.
+    After the last arc, `end` names how the branch ended (empty if max_points did not suffice) and
+    `threshold` is the value of the parameter if it ended at the sphere. `last` is the end of the
+    latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the arc that leads to
+    it.
     """
 
     p: Parameters
@@ -92,12 +93,14 @@ class Path:
     watch: Watch = unwatched
     task: str = "branch"
     window: Window | None = None
+    enough: Callable[[Point], bool] = lambda point: False
     end: str = ""
     threshold: float | None = None
     last: Point | None = None
     unresolved: Arc | None = None
     count: int = field(default=0, init=False)
     _finer: float = field(default=1.0, init=False)
+    _taken: float = field(default=0.0, init=False, repr=False)
     _seen: list[_Seen] = field(default_factory=list, init=False, repr=False)
 
     def __iter__(self) -> Iterator[Arc]:
@@ -111,7 +114,12 @@ class Path:
         options = (
             self.options
             if inside
-            else replace(self.options, first_step=0.05, max_step=MAX_COARSE_STEP, angle=0.2)
+            else replace(
+                self.options,
+                first_step=max(FIRST_COARSE_STEP, self._taken),
+                max_step=MAX_COARSE_STEP,
+                angle=0.2,
+            )
         )
         if self._finer > 1.0:
             longest = options.max_step / self._finer
@@ -142,7 +150,7 @@ class Path:
                         f"{point.parameter:.10g}; the exact location was not found"
                     )
                 return anchor
-            self.last = arcs[-1].b
+            self.last, self._taken = arcs[-1].b, point.length - anchor.length
             for arc in arcs:
                 edge = None if inside else self._entry(arc)
                 if edge is not None:
@@ -161,7 +169,7 @@ class Path:
         """The points that can be resolved."""
         anchor = before = start
         try:
-            for point in follow(start, options):
+            for point in follow(start, options, self.enough):
                 yield point
                 before = point
                 anchor = anchor if point.fold else point

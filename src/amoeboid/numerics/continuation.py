@@ -6,7 +6,7 @@ See `branch_points` for the length of a step, and sources.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import pairwise
 
@@ -31,16 +31,22 @@ MAX_EXTRAPOLATION = 3.0
 """Ratio of the next step to the last one up to which the cubic through both points guesses it."""
 
 
-def follow(start: Point, options: Options) -> Iterator[Point]:
+def follow(
+    start: Point, options: Options, enough: Callable[[Point], bool] = lambda point: False
+) -> Iterator[Point]:
     """The points of a branch after `start`, located folds among them, along its tangent.
 
-    Ends after `max_points`; raises Stalled if the smallest step fails. Stop it by not asking on.
+    Ends after `max_points`, or with the first point that is `enough`, resolved or not; raises
+    Stalled if the smallest step fails. Stop it by not asking on.
     """
     here, step, size = start, options.first_step, size_of(start)
     before: Point | None = None
     for _ in range(options.max_points):
         there, taken = _next(here, step, options, before)
         yield from _folds(here, there, options)
+        if enough(there):
+            yield there
+            return
         turn = _turn(here, there, options)
         before, here = here, adapted(there, options)
         yield here
