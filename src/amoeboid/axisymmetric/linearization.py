@@ -1,8 +1,7 @@
 """The linear problem about steady states, several of them at once; see `stability` for equations.
 
 At these sizes most of the time goes into calls of NumPy, not into arithmetic. States with the same
-number of modes and of harmonics therefore go through every call together. Each has the same bits
-alone.
+number of harmonics therefore go through every call together. Each has the same bits alone.
 
 h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:
 lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`).
@@ -13,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from amoeboid.axisymmetric.perturbations import (
     removed,
     rigid_motions,
     tangents,
+    together,
     velocity_response,
 )
 from amoeboid.axisymmetric.steady import SteadySolution, unknowns_in_units
@@ -52,7 +53,7 @@ MULTIPLE = 2
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """The linear problem about states with the same number of modes, on the same harmonics.
+    """The linear problem about states on the same harmonics.
 
     `states` are measured in the natural units of their cells, `units` (states,) are the rates of
     these [1/time].
@@ -65,14 +66,13 @@ class Linearization:
     @cached_property
     def base(self) -> Base:
         """The fields of the states; the nodes are the same for every m."""
-        return base_fields(self.states, self.parameters, self.basis(0))
+        alike = [list(some) for _, some in groupby(self.states, key=lambda state: state.n)]
+        return together([base_fields(some, _joint(some), self.basis(0)) for some in alike])
 
     @cached_property
     def parameters(self) -> ParameterPoint:
         """Those of the states: numbers where all agree, else arrays (states, 1, 1)."""
-        cells = [state.parameters for state in self.states]
-        values = {name: _column([getattr(p, name) for p in cells]) for name in DIMENSIONS}
-        return _Together(values, cells[0].has_friction, cells[0].has_isotropic_stress)
+        return _joint(self.states)
 
     @cached_property
     def slow_rates(self) -> list[float]:
@@ -143,6 +143,12 @@ class _Together(ParameterPoint):
         return self._has[1]
 
 
+def _joint(states: Sequence[SteadySolution]) -> _Together:
+    cells = [state.parameters for state in states]
+    values = {name: _column([getattr(p, name) for p in cells]) for name in DIMENSIONS}
+    return _Together(values, cells[0].has_friction, cells[0].has_isotropic_stress)
+
+
 def _column(values: Sequence[float]) -> Any:
     if all(value == values[0] for value in values):
         return values[0]
@@ -188,7 +194,7 @@ def linearizations(
     ]
     alike: dict[Hashable, list[int]] = {}
     for k, state in enumerate(natural):
-        alike.setdefault((state.n, degrees[k], *_terms(state.parameters)), []).append(k)
+        alike.setdefault((degrees[k], *_terms(state.parameters)), []).append(k)
     return [
         (
             chunk,

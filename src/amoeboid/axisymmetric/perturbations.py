@@ -120,6 +120,11 @@ def base_fields(states: Sequence[SteadySolution], p: Any, basis: HarmonicBasis) 
     )  # fmt: skip
 
 
+def together(bases: Sequence[Base]) -> Base:
+    """The states of several, at the nodes of the same basis, one after the other."""
+    return Base(*map(np.concatenate, zip(*(vars(base).values() for base in bases), strict=True)))
+
+
 @dataclass(frozen=True)
 class _Waves:
     """sin(k x) and cos(k x) at the nodes, k = 1..count, one column each."""
