@@ -6,7 +6,8 @@ the length scale ds/dx, the tension zeta_0 and the two slack unknowns of `steady
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,9 @@ class Fields:
     source: Any
 
 
+FIELDS = tuple(field.name for field in fields(Fields))
+
+
 def unknown_count(n: int) -> int:
     """Length of the vector of unknowns for n modes."""
     return 3 * n + 3
@@ -45,28 +49,46 @@ def mode_count(x: Array) -> int:
 
 def fields_of(x: Array, n: int) -> Fields:
     """The unknowns at the points, as arrays."""
-    g = grid(n)
+    return Fields(**fields_by_name(x, n))
+
+
+def fields_by_name(x: Array, n: int, points: int | None = None) -> dict[str, Array]:
+    """The same by their names, at the points of the grid of n modes or of another one."""
+    angles, odd, even, without = _evaluation(n, points or n)
     psi, u, c, scalars = split(x, n)
-    return Fields(
-        g.x + g.odd_values[:, : n - 1] @ psi,
-        1.0 + g.odd_slopes[:, : n - 1] @ psi,
-        g.odd_values @ u,
-        g.even_values @ c,
-        *(scalars[k : k + 1] for k in range(4)),
-    )
+    values = np.empty((4, without.shape[1]), x.dtype)
+    for found, matrix, series in (
+        (values[:2], angles, psi),
+        (values[2], odd, u),
+        (values[3], even, c),
+    ):
+        np.matmul(matrix, series, found.reshape(-1))
+    values[:2] += without
+    return dict(zip(FIELDS, (*values, *scalars[:, None]), strict=True))
 
 
-def maps_of(n: int) -> dict[str, tuple[int, Array]]:
-    """Derivatives of the fields, which are linear in the unknowns, to those from a first one on."""
-    g, scalars = grid(n), np.eye(4)
+@lru_cache(maxsize=32)
+def _evaluation(n: int, points: int) -> tuple[Array, Array, Array, Array]:
+    """The matrices from the unknowns to psi and its slope, u, c; what the first two add to."""
+    maps = maps_of(n, points)
+    matrices = [np.ascontiguousarray(maps[name][1]) for name in FIELDS[:4]]
+    without = np.array([grid(points).x, np.ones(points)])
+    return np.concatenate(matrices[:2]), matrices[2], matrices[3], without
+
+
+def maps_of(n: int, points: int | None = None) -> dict[str, tuple[int, Array]]:
+    """Derivatives of the fields, which are linear in the unknowns, to those from a first one on.
+
+    At the points of the grid of n, or of a finer one.
+    """
+    g, scalars = grid(points or n), np.eye(4)
     maps = {
         "psi": (0, g.odd_values[:, : n - 1]),
         "psi_slope": (0, g.odd_slopes[:, : n - 1]),
-        "u": (n - 1, g.odd_values),
-        "c": (2 * n - 1, g.even_values),
+        "u": (n - 1, g.odd_values[:, :n]),
+        "c": (2 * n - 1, g.even_values[:, :n]),
     }
-    names = ("scale", "zeta0", "axial", "source")
-    return maps | {name: (3 * n - 1, scalars[k : k + 1]) for k, name in enumerate(names)}
+    return maps | {name: (3 * n - 1, scalars[k : k + 1]) for k, name in enumerate(FIELDS[4:])}
 
 
 def split(x: Array, n: int) -> tuple[Array, Array, Array, Array]:
