@@ -96,3 +96,15 @@ def test_flat_lists_the_points_in_order():
 
 def test_examples_in_the_docstrings():
     assert doctest.testmod(points_module).failed == 0
+
+
+def test_what_a_point_keeps_of_its_law_is_that_of_the_law():
+    """Speeds at c0 are kept, of one point: not at another c, nor at another speed."""
+    p = points(Parameters(D=0.4))
+    for order in (0, 1, 3):
+        kept = p.v_p_derivatives(p.c0, order)
+        assert p.v_p_derivatives(p.c0, order) is kept
+        assert kept == Parameters(D=0.4).v_p_derivatives(3.0, order)
+    assert p.v_p(2.0) == Parameters().v_p(2.0)
+    faster = p.at_speed(2 * p.v_p0)
+    assert faster.v_p(p.c0) == 2 * p.v_p(p.c0)
