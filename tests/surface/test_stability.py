@@ -147,6 +147,23 @@ def test_errors_are_known_where_the_map_is_far_from_normal():
         assert found.error > 3 * tolerance
 
 
+@pytest.mark.parametrize("p", [STIFF, TURNS, NO_TURNOVER], ids=["stable", "unstable", "beta = 0"])
+def test_roughly_solved_steps_give_the_rate_of_precise_ones_with_fewer_iterations(p, monkeypatch):
+    step, calls = still(p, 2), []
+    iterate = LinearizedStep.iterate
+    monkeypatch.setattr(
+        LinearizedStep, "iterate", lambda *args, **side: calls.append(1) or iterate(*args, **side)
+    )
+    rough = leading_growth_rate(step.model, step.state, step.flow)
+    few = len(calls)
+    monkeypatch.setattr(stability, "ROUGH_IMAGE", 0.0)
+    precise = leading_growth_rate(step.model, step.state, step.flow)
+    print(rough, precise, few, len(calls) - few)
+    assert abs(rough.rate - precise.rate) < max(rough.error, precise.error)
+    assert np.sign(rough.rate) == np.sign(precise.rate)
+    assert few < 0.85 * (len(calls) - few)
+
+
 def test_growth_rate_that_does_not_converge_has_a_known_error(monkeypatch):
     step = still(STIFF, 2)
     monkeypatch.setattr(stability, "MIN_APPLICATIONS", 4)

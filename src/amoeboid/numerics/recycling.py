@@ -65,13 +65,13 @@ class Recycling:
     def new(self, residual: Array) -> tuple[Array, Array]:
         """One more direction, towards `residual`, and its image of length 1; both are kept."""
         direction, image = np.array(residual), np.array(self._image(residual))
-        size = length = np.linalg.norm(image)
+        size = length = float(np.linalg.norm(image))
         shares, before = np.zeros(self._kept), np.inf
         while length < CANCELLED * before:
             more = self._images[: self._kept] @ image
             image -= more @ self._images[: self._kept]
             shares += more
-            before, length = length, np.linalg.norm(image)
+            before, length = length, float(np.linalg.norm(image))
         direction -= shares @ self._directions[: self._kept]
         if not length > MIN_INDEPENDENT * size:
             raise NoConvergence("the linear equations have no solution in the range of the map")

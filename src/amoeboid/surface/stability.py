@@ -44,9 +44,10 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step, and of those that only tell the size of an error.
 TOLERANCE, ROUGH = 3e-5, 0.03
-# All steps are solved for to this tolerance at first, and to the other where the error asks for
-# it. Where the map is far from normal, that may not be enough: after some applications the
-# iteration starts anew, with all steps to the other tolerance.
+# All steps are solved for to this tolerance at first, and further where the error asks for it. If
+# that is not enough after so many applications, or the error is above so many rates after
+# MIN_APPLICATIONS, the map is far from normal: all steps are solved for to TOLERANCE, from the
+# start on.
 ROUGH_IMAGE, ROUGH_APPLICATIONS, MAX_ROUGH = 1e-3, 16, 2.0
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
