@@ -1,5 +1,6 @@
 import gc
 import os
+from contextlib import nullcontext
 
 # One thread a process: the matrices are small, and results must not depend on the machine's cores.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -30,10 +31,11 @@ def pytest_collection_finish():
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    """Runs in this process write an empty picture of the cell: VTK would take seconds for each.
+    """Runs in this process write an empty picture of the cell, and start no process for it.
 
     test_drawing.py, test_output.py and test_units_on_pictures.py look at real ones.
     """
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter", nullcontext)
     monkeypatch.setattr(
-        "amoeboid.plotting.cell.save_cell_picture", lambda path, step: path.write_bytes(b"")
+        "amoeboid.plotting.cell.save_cell_picture", lambda path, *_: path.write_bytes(b"")
     )

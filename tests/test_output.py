@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import warnings
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -62,6 +63,7 @@ def is_printed(value, printed):
 
 @pytest.fixture
 def without_pictures(monkeypatch):
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter", nullcontext)
     monkeypatch.setattr("amoeboid.plotting.cell.save_cell_picture", lambda *_: None)
 
 
