@@ -1,6 +1,5 @@
 import gc
 import os
-from contextlib import nullcontext
 
 # One thread a process: the matrices are small, and results must not depend on the machine's cores.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -35,7 +34,7 @@ def without_pictures(monkeypatch):
 
     test_drawing.py, test_output.py and test_units_on_pictures.py look at real ones.
     """
-    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter", nullcontext)
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter.__enter__", lambda self: self)
     monkeypatch.setattr(
         "amoeboid.plotting.cell.save_cell_picture", lambda path, *_: path.write_bytes(b"")
     )

@@ -6,7 +6,6 @@ import re
 import subprocess
 import sys
 import warnings
-from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -63,7 +62,7 @@ def is_printed(value, printed):
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter", nullcontext)
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter.__enter__", lambda self: self)
     monkeypatch.setattr("amoeboid.plotting.cell.save_cell_picture", lambda *_: None)
 
 
