@@ -69,9 +69,10 @@ def test_the_fold_is_the_same_by_another_method_and_at_another_resolution(subcri
     fold = fold_of(subcritical).point
     for n in (32, 64):
         system = SteadySystem(Parameters(D=0.4), n, ("v_p0", "D"))
-        carry = SteadySystem(Parameters(D=0.4), 32).prolonged if n == 64 else lambda x: x
+        coarse = SteadySystem(Parameters(D=0.4), 32)
         assert fold.x.size == 99
-        folds, start = fold_system(system, carry(fold.x), carry(fold.x_tangent), fold.parameter)
+        x, tangent = (coarse.prolonged(vector, system) for vector in (fold.x, fold.x_tangent))
+        folds, start = fold_system(system, x, tangent, fold.parameter)
         q = np.array([0.4])
         found = newton(
             lambda y, f=folds, q=q: f.residual(y, q),

@@ -8,7 +8,8 @@ from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onset_speed
 from amoeboid.axisymmetric.paths import CLOSED, Path
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
-from amoeboid.axisymmetric.steady import strong_residual
+from amoeboid.axisymmetric.steady import SteadySystem, newton_solution, strong_residual
+from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.branch_points import Options, at_distance, started
@@ -80,10 +81,21 @@ def test_a_state_where_the_mode_l_2_goes_first_is_found():
     assert strong_residual(state) < 1e-8
 
 
-def test_a_state_that_cannot_be_resolved_is_reported():
-    """The paper's cell at 3 um/s: boundary layers at D/(beta R0^2) = 0.003."""
+def test_boundary_layers_are_resolved_before_more_modes_only_add_rounding():
+    """The paper's cell at 3 um/s: D/(beta R0^2) = 0.003. At 256 modes rounding reaches 5e-9."""
     p = Parameters.physical(v_p0="3 um/s", delta_P="300 Pa")
     found = steady_solutions(p, (1,))
+    assert found.complete
+    state = found[-1]
+    assert 128 < state.n < 256
+    known = resampled(state.x, state.n, 256)
+    finest = newton_solution(SteadySystem(p, 256), known).x
+    assert finest == pytest.approx(known, rel=1e-8, abs=1e-8)
+
+
+def test_a_state_that_cannot_be_resolved_is_reported(monkeypatch):
+    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 64)
+    found = steady_solutions(Parameters(D=0.03, v_p0=6.0), (1,))
     assert not found.complete
     assert "l = 1" in found.problems[0]
     assert "does not resolve" in found.problems[0]

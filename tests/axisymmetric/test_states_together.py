@@ -3,11 +3,15 @@
 import numpy as np
 import pytest
 
+from amoeboid.axisymmetric import stability
 from amoeboid.axisymmetric.linearization import MAX_TOGETHER, linearizations
+from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import (
     AZIMUTHAL_NUMBERS,
     are_stable,
+    are_stable_along,
+    fastest_rates,
     growth_rates,
     growth_rates_of,
     is_stable,
@@ -46,6 +50,26 @@ def test_states_together_are_stable_where_each_alone_is(states):
     answers = are_stable(states)
     assert answers == [is_stable(state) for state in states]
     assert set(answers) == {True, False}
+
+
+def test_stability_along_a_branch_is_that_of_every_state_on_it(monkeypatch):
+    """Of 60 spheres through their threshold, those next to it are looked at, of others some."""
+    threshold = onset_speed(Parameters())
+    spheres = [homogeneous(Parameters(v_p0=v), 16) for v in threshold * np.linspace(0.3, 2.0, 60)]
+    expected = are_stable(spheres)
+    seen = []
+    monkeypatch.setattr(
+        stability,
+        "fastest_rates",
+        lambda states: (seen.extend(states), fastest_rates(states))[1],
+    )
+    assert are_stable_along(spheres) == expected
+    assert set(expected) == {True, False}
+    assert len({id(state) for state in seen}) == len(seen) < 45
+    change = expected.index(False)
+    assert {id(s) for s in spheres[change - 1 : change + 1]} <= {id(s) for s in seen}
+    assert are_stable_along(spheres[:1]) == expected[:1]
+    assert are_stable_along([]) == []
 
 
 def test_more_states_than_go_together_come_back_in_order(states):

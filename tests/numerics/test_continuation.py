@@ -48,10 +48,10 @@ class Cusp:
     def resolved(self, x, q):
         return True
 
-    def refined(self):
+    def refined(self, x, q):
         return None
 
-    def prolonged(self, x):
+    def prolonged(self, x, finer):
         return x
 
 

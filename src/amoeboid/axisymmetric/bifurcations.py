@@ -21,7 +21,7 @@ from amoeboid.axisymmetric.stability import (
 )
 from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.model.parameters import Parameters
-from amoeboid.numerics.arcs import finer
+from amoeboid.numerics.arcs import Arc, on_one_system
 from amoeboid.numerics.branch_points import Options, Point, Stalled
 from amoeboid.numerics.locating import located
 
@@ -138,11 +138,8 @@ def _bifurcation(
         rates = growth_rates(steady_state_at(p, name, point), m)
         return float(rates[k].real) if k < rates.size else -1.0
 
-    start, end = a.point, b.point
-    while start.x.size < end.x.size:
-        start = finer(start, options)
-    while end.x.size < start.x.size:
-        end = finer(end, options)
+    arc = on_one_system(Arc(a.point, a.point, b.point), options)
+    start, end = arc.a, arc.b
     if rate(start) * rate(end) >= 0:
         return None
     with suppress(Stalled):

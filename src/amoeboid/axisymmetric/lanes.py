@@ -149,8 +149,12 @@ class Problem:
         inputs = self._inputs(x, q, cells, m)
         found = lanes.residual(recorded_equations(m, self.present), inputs, jnp)
         f, p = inputs.fields(), inputs.point
-        units = strong_units(f, p.v_p_derivatives(f.c, 0)[0], p, m)
-        sizes = jnp.concatenate([untraced(unit) for unit in units], axis=1)
+        u, v_p, c, tau = (
+            np.max(np.abs(field), axis=-1, keepdims=True)
+            for field in (f.u, p.v_p(f.c), f.c, p.tau(f.c))
+        )
+        units = [untraced(unit) for unit in strong_units(u, v_p, c, tau, p)]
+        sizes = _spread(jnp.concatenate(units, axis=1), equation_counts(m))
         return jnp.max(jnp.abs(found) / sizes, axis=1)
 
     def lowest(self, z: Any, cells: Cells) -> Any:

@@ -1,8 +1,7 @@
 """The linear problem about steady states, several of them at once; see `stability` for equations.
 
 At these sizes most of the time goes into calls of NumPy, not into arithmetic. States with the same
-number of modes and of harmonics therefore go through every call together. Each has the same bits
-alone.
+number of harmonics therefore go through every call together. Each has the same bits alone.
 
 h and c' enter one matrix and one complement, so both are computed in the natural units of the cell:
 lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`).
@@ -53,7 +52,7 @@ MULTIPLE = 2
 
 @dataclass(frozen=True, eq=False)
 class Linearization:
-    """The linear problem about states with the same number of modes, on the same harmonics.
+    """The linear problem about states on the same harmonics.
 
     `states` are measured in the natural units of their cells, `units` (states,) are the rates of
     these [1/time].
@@ -191,7 +190,7 @@ def linearizations(
     ]
     alike: dict[Hashable, list[int]] = {}
     for k, state in enumerate(natural):
-        alike.setdefault((state.n, degrees[k], *_terms(state.parameters)), []).append(k)
+        alike.setdefault((degrees[k], *_terms(state.parameters)), []).append(k)
     return [
         (
             chunk,

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.paths import Path, asymmetry
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.search import Rising
-from amoeboid.axisymmetric.stability import are_stable
+from amoeboid.axisymmetric.stability import are_stable_along
 from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.axisymmetric.window import Window
@@ -199,21 +199,28 @@ def _fastest_stable(p: Parameters, speeds: Array, path: list[Arc], options: Opti
     0 without one; NaN where a state that the branch passes cannot be found.
     """
     flow = np.zeros(speeds.size)
-    passed = [_prepared(arc, speeds, options) for arc in reversed(path)]
+    passed = [(_prepared(arc, speeds, options), sheet) for arc, sheet in _with_sheets(path)][::-1]
     waiting = {row: _polarized(p, float(v), passed, options) for row, v in enumerate(speeds)}
     while waiting:
-        tried: dict[int, tuple[SteadySolution, float]] = {}
+        tried: dict[int, dict[int, tuple[SteadySolution, float]]] = {}
         for row, others in list(waiting.items()):
             try:
-                tried[row] = next(others)
+                sheet, state, speed = next(others)
+                tried.setdefault(sheet, {})[row] = state, speed
             except (StopIteration, Stalled) as stop:
                 flow[row] = np.nan if isinstance(stop, Stalled) else 0.0
                 del waiting[row]
-        stable = are_stable([state for state, _ in tried.values()])
-        for row in [row for row, good in zip(tried, stable, strict=True) if good]:
-            flow[row] = tried[row][1]
-            del waiting[row]
+        for found in tried.values():
+            stable = are_stable_along([state for state, _ in found.values()])
+            for row in [row for row, good in zip(found, stable, strict=True) if good]:
+                flow[row] = found[row][1]
+                del waiting[row]
     return flow
+
+
+def _with_sheets(path: list[Arc]) -> list[tuple[Arc, int]]:
+    """Arcs with the number of folds before them: states with the same one have no fold between."""
+    return list(zip(path, accumulate(int(arc.a.fold) for arc in path), strict=True))
 
 
 def _prepared(arc: Arc, speeds: Array, options: Options) -> Arc:
@@ -225,16 +232,19 @@ def _prepared(arc: Arc, speeds: Array, options: Options) -> Arc:
 
 
 def _polarized(
-    p: Parameters, v_p0: float, path: list[Arc], options: Options
-) -> Iterator[tuple[SteadySolution, float]]:
-    """The polarized states at v_p0 on arcs and their maximal retrograde speeds; raises Stalled."""
-    for arc in path:
+    p: Parameters, v_p0: float, path: list[tuple[Arc, int]], options: Options
+) -> Iterator[tuple[int, SteadySolution, float]]:
+    """The polarized states at v_p0 on arcs, each with its sheet and its maximal retrograde speed.
+
+    Raises Stalled.
+    """
+    for arc, sheet in path:
         x = unknowns_at(arc, v_p0, options)
         if x is not None:
             state = SteadySolution(p.replace(v_p0=v_p0), mode_count(x), x, True, ())
             flow: float = state.max_retrograde_speed
             if flow > 0:
-                yield state, flow
+                yield sheet, state, flow
 
 
 def fold_line(

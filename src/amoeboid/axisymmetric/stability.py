@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,6 +32,11 @@ AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
 
 NEUTRAL = 1e-7
 """Growth rates below this fraction of turnover, diffusion and treadmilling count as neutral."""
+
+SPACING, ALIKE, CLEAR = 8, 0.5, 0.02
+"""How far apart the states of a branch are that are looked at first; how much the fastest rates of
+two may differ, relatively, and how far from zero, over `slow_rate`, they must be for no rate to
+pass through zero between them."""
 
 ROUNDING = 8 * float(np.finfo(float).eps)
 """Error of an eigenvalue in units of the fastest rate, which grows with delta_P."""
@@ -86,19 +92,56 @@ def unstable_modes(state: SteadySolution, degree: int | None = None) -> dict[int
 
 
 def is_stable(state: SteadySolution) -> bool:
-    """Whether every perturbation with m = 0, 1, 2, 3 decays; stops at the first that grows."""
+    """Whether every perturbation with m = 0, 1, 2, 3 decays."""
     return are_stable([state])[0]
 
 
 def are_stable(states: Sequence[SteadySolution]) -> list[bool]:
     """The same of several states."""
-    found = [True] * len(states)
+    return [bool(np.all(rates <= 0.0)) for rates in fastest_rates(states)]
+
+
+def fastest_rates(states: Sequence[SteadySolution]) -> Array:
+    """The largest real part of a rate for m = 0, 1, 2, 3 (states, 4), over `slow_rate`.
+
+    0 where it counts as neutral.
+    """
+    found = np.zeros((len(states), len(AZIMUTHAL_NUMBERS)))
     for which, about in linearizations(states):
-        for m in AZIMUTHAL_NUMBERS:
-            if any(found[k] for k in which):
-                for k, count in zip(which, _counts(about, m), strict=True):
-                    found[k] = found[k] and count == 0
+        for column, m in enumerate(AZIMUTHAL_NUMBERS):
+            for k, rates, unit, slow in zip(
+                which, about.growth_rates(m), about.units, about.slow_rates, strict=True
+            ):
+                fastest = float(rates[0].real) / unit
+                if abs(fastest) > neutral_rate(rates / unit, slow):
+                    found[k, column] = fastest / slow
     return found
+
+
+def are_stable_along(states: Sequence[SteadySolution]) -> list[bool]:
+    """Whether states are stable that follow one another on a branch, without a fold between them.
+
+    Rates are continuous along a branch. So the states between two others are not looked at where,
+    for every m, the fastest rates of those two are away from zero, on the same side, and differ by
+    no more than ALIKE times the smaller one. Until that holds, the state in the middle is looked
+    at.
+    """
+    known: dict[int, Array] = {}
+    wanted = [*range(0, len(states), SPACING), len(states) - 1] if states else []
+    while wanted:
+        wanted = sorted(set(wanted))
+        known |= zip(wanted, fastest_rates([states[k] for k in wanted]), strict=True)
+        ends = list(pairwise(sorted(known)))
+        wanted = [(a + b) // 2 for a, b in ends if b > a + 1 and not _alike(known[a], known[b])]
+    places = np.array(sorted(known))
+    before = places[np.searchsorted(places, np.arange(len(states)), side="right") - 1]
+    return [bool(np.all(known[int(k)] <= 0.0)) for k in before]
+
+
+def _alike(a: Array, b: Array) -> bool:
+    """Whether no rate can have passed through zero between two states."""
+    smaller = np.minimum(np.abs(a), np.abs(b))
+    return bool(np.all((smaller > CLEAR) & (np.abs(a - b) <= ALIKE * smaller)))
 
 
 def _counts(about: Linearization, m: int) -> list[int]:

@@ -23,6 +23,7 @@ from amoeboid.axisymmetric.force_balance import (
     Motion,
     axial_strength,
     forces,
+    function_of,
     speed,
     stress,
     transport,
@@ -31,7 +32,9 @@ from amoeboid.axisymmetric.force_balance import (
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
 from amoeboid.axisymmetric.unknowns import (
+    FIELDS,
     Fields,
+    fields_by_name,
     fields_of,
     maps_of,
     resampled,
@@ -45,14 +48,13 @@ from amoeboid.model.parameters import ParameterPoint, Parameters
 from amoeboid.model.units import Units
 from amoeboid.numerics.jacobians import Equations, recorded
 from amoeboid.numerics.newton import newton
-from amoeboid.numerics.programs import Record, Symbol
+from amoeboid.numerics.programs import Record, Symbol, Values, values_of
 from amoeboid.observables import Measured
 
 MODES = 32
 MAX_MODES = 256
-STRONG = 5e-9
-"""Residual of the continuous equations, between the points, up to which a state is resolved."""
-
+STRONG, FINER = 5e-9, 3
+"""A state is resolved up to this residual of the continuous equations, on a finer grid."""
 
 FRICTION = ("gamma_t", "gamma_n", "gamma_c")
 OPTIONAL = (*FRICTION, "gamma_share", "kappa", "cue")
@@ -188,21 +190,49 @@ class SteadySystem:
         return frozenset(name for name, value in values if value != 0 or name in self.names)
 
     def _inputs(self, x: Array, q: Array) -> Inputs:
-        return Inputs(fields_of(x, self.n), self.point(q))
+        return Inputs(fields_by_name(x, self.n), self.point(q))
 
     def resolved(self, x: Array, q: Array) -> bool:
         """Whether x solves the continuous equations at q, not only the discrete ones."""
-        return _strong_residual(self.n, x, self.point(q), 3) <= STRONG
+        return self.strong_residual(x, q) <= STRONG
 
-    def refined(self) -> SteadySystem | None:
-        """The same problem with twice the modes; None beyond MAX_MODES."""
-        if 2 * self.n > MAX_MODES:
-            return None
-        return replace(self, n=2 * self.n)
+    def strong_residual(self, x: Array, q: Array, finer: int = FINER) -> float:
+        """See `strong_residual`, of the unknowns x at q."""
+        m = finer * self.n
+        p, x = self.point(q), x.copy()
+        x[-1] = 0.0
+        if not p.has_friction:
+            x[-2] = 0.0
+        found = strong_equations(m, self._present)(Inputs(fields_by_name(x, self.n, m), p))
+        *residuals, u, v_p, c, tau = np.abs(found).max(axis=1).tolist()
+        units = np.repeat(strong_units(u, v_p, c, tau, p), (2, 1, 1, 1, 1))
+        return float(np.max(residuals / units))
 
-    def prolonged(self, x: Array) -> Array:
-        """A vector of unknowns carried to the refined system."""
-        return resampled(x, self.n, 2 * self.n)
+    def refined(self, x: Array, q: Array) -> SteadySystem | None:
+        """The same problem with as many modes as x at q needs; None beyond MAX_MODES."""
+        n = finer_count(self.n, self.strong_residual(x, q))
+        return None if n is None else replace(self, n=n)
+
+    def prolonged(self, x: Array, finer: SteadySystem) -> Array:
+        """A vector of unknowns carried to a refined system."""
+        return resampled(x, self.n, finer.n)
+
+
+def finer_count(n: int, residual: float) -> int | None:
+    """How many modes the state needs of which n leave a `strong_residual`; None beyond MAX_MODES.
+
+    The residual falls exponentially with the number of modes, from the order of 1. At most twice as
+    many are taken at a time, and only every count of the form 4, 5, 6 or 7 times a power of two.
+
+    >>> [finer_count(32, residual) for residual in (1e-8, 1e-6, 1e-2)]
+    [40, 48, 64]
+    """
+    if n >= MAX_MODES:
+        return None
+    share = np.log(STRONG) / np.log(residual) if 0.0 < residual < 1.0 else np.inf
+    needed = max(n + 1, n * min(float(share), 2.0))
+    step = 2 ** max(int(np.log2(needed)) - 2, 0)
+    return min(step * int(np.ceil(needed / step)), MAX_MODES)
 
 
 def equations(n: int, f: Fields, p: Any) -> list[Any]:
@@ -239,11 +269,25 @@ def recorded_equations(n: int, present: frozenset[str]) -> Equations:
     return recorded(function, n, unknown_count(n), maps_of(n))
 
 
+@lru_cache(maxsize=16)
+def strong_equations(m: int, present: frozenset[str]) -> Values:
+    """`equations` on a grid of m points as a program, and u, v_p, c and tau there."""
+
+    def function(fields: Mapping[str, Any], record: Record) -> list[Any]:
+        f, p = Fields(**fields), _Recorded(record, present)
+        tau: Any = p.tau_derivatives
+        s = shape(grid(m), f.psi, f.psi_slope, f.scale)
+        v_p = speed(s, f.c, p)
+        return [*equations_on(s, v_p, f, p), f.u, v_p, f.c, function_of(f.c, tau)]
+
+    return values_of(function, m, FIELDS)
+
+
 class Inputs:
     """What a recorded program is given: fields and parameters by their names."""
 
-    def __init__(self, f: Fields, p: Any) -> None:
-        self._fields, self._p = vars(f), p
+    def __init__(self, fields: Mapping[str, Array], p: Any) -> None:
+        self._fields, self._p = fields, p
 
     def __getitem__(self, name: str) -> Any:
         return self._fields[name] if name in self._fields else getattr(self._p, name)
@@ -385,7 +429,7 @@ def homogeneous_unknowns(p: Any, n: int) -> Array:
 def steady_state(
     p: Parameters, guess: SteadySolution, cue: Cue | None = None, max_iterations: int = 25
 ) -> SteadySolution:
-    """The steady state that Newton's method reaches from `guess`, resolved by doubling the modes.
+    """The steady state that Newton's method reaches from `guess`, with as many modes as it needs.
 
     `cue`: one along the axis, towards the pole x = 0 for the direction (0, 0, 1);
     `max_iterations`: of Newton's method, fewer where only a good guess is to be followed. Raises
@@ -406,10 +450,11 @@ def steady_state(
             return SteadySolution(p, n, found.x, False, history, why, cue)
         if system.resolved(found.x, np.zeros(0)):
             return SteadySolution(p, n, found.x, True, history, cue=cue)
-        if 2 * n > MAX_MODES:
+        finer = system.refined(found.x, np.zeros(0))
+        if finer is None:
             advice = f"{n} modes do not resolve the state; raise D"
             return SteadySolution(p, n, found.x, False, history, advice, cue)
-        n, x = 2 * n, resampled(found.x, n, 2 * n)
+        n, x = finer.n, system.prolonged(found.x, finer)
 
 
 def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25) -> Any:
@@ -424,46 +469,24 @@ def newton_solution(system: SteadySystem, start: Array, max_iterations: int = 25
     )
 
 
-def strong_residual(state: SteadySolution, finer: int = 3) -> float:
+def strong_residual(state: SteadySolution, finer: int = FINER) -> float:
     """Largest residual of the continuous equations between the collocation points.
 
     Force balance and transport, without the slack unknowns (the axial force counts with friction),
     on a grid of `finer` * n points, each in units of its magnitude in that state: pressure plus
     viscous force, largest c times largest speed over R0.
     """
-    point = SteadySystem(state.parameters, state.n, cue=state.cue).point(np.zeros(0))
-    return _strong_residual(state.n, state.x, point, finer)
+    system = SteadySystem(state.parameters, state.n, cue=state.cue)
+    return system.strong_residual(state.x, np.zeros(0), finer)
 
 
-def _strong_residual(n: int, coefficients: Array, p: Any, finer: int) -> float:
-    m = finer * n
-    x = resampled(coefficients, n, m)
-    x[-1] = 0.0
-    if not p.has_friction:
-        x[-2] = 0.0
-    f = fields_of(x, m)
-    s = shape(grid(m), f.psi, f.psi_slope, f.scale)
-    v_p = speed(s, f.c, p)
-    found = zip(equations_on(s, v_p, f, p), strong_units(f, v_p, p, 1), strict=True)
-    return float(np.max([np.abs(residual).max() / np.ravel(unit)[0] for residual, unit in found]))
+def strong_units(u: Any, v_p: Any, c: Any, tau: Any, p: Any) -> list[Any]:
+    """The magnitude of each kind of equation (`equation_counts`) in a state.
 
-
-def strong_units(f: Fields, v_p: Any, p: Any, m: int) -> list[Any]:
-    """The magnitude of every equation on a grid of m points in a state there, (..., m or 1) each.
-
-    The parameters are numbers, or arrays (lanes, 1) for fields (lanes, m).
+    Of the largest |u|, |v_p|, |c| and |tau| in it, numbers or arrays, as are the parameters.
     """
-
-    def largest(field: Any) -> Any:
-        return np.max(np.abs(field), axis=-1, keepdims=True)
-
-    fastest = np.maximum(largest(f.u), largest(v_p))
-    fastest = np.maximum(fastest, p.D / p.R0 + p.beta * p.R0)
-    most = largest(f.c)
+    fastest = np.maximum(np.maximum(u, v_p), p.D / p.R0 + p.beta * p.R0)
     force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2
-    force = force + largest(p.tau(f.c)) / p.R0 + friction.unit(p) * fastest + p.kappa / p.R0**3
-    area = 4 * np.pi * p.R0**2
-    field = np.ones(m)
-    rate = most * fastest / p.R0 * field
-    one = np.ones_like(most)
-    return [force * field, force * field, rate, one, one * area, most * area]
+    force = force + tau / p.R0 + friction.unit(p) * fastest + p.kappa / p.R0**3
+    area = 4 * np.pi * p.R0**2 + 0.0 * fastest  # which has a value at every point
+    return [force, c * fastest / p.R0, area / area, area, c * area]

@@ -20,9 +20,11 @@ from amoeboid.numerics.branch_points import (
     Options,
     Point,
     Stalled,
+    System,
     Unresolved,
     at_distance,
     at_parameter,
+    carried,
     slope,
     slope_row,
     with_tangent,
@@ -110,37 +112,35 @@ def _at_value(arc: Arc, value: float, options: Options, direct: _Direct) -> Poin
         point = direct(arc, value, options) or _bracketed(arc, value, options)
         if point.system.resolved(point.x, np.array([value])):
             return arc.forwards(point)
-        finer = arc.anchor.system.refined()
+        finer = point.system.refined(point.x, np.array([value]))
         if finer is None:
             raise Unresolved(point)
-        arc = _carried(arc, arc.anchor.x.size, options)
+        arc = _on(finer, arc, options)
 
 
 def on_one_system(arc: Arc, options: Options) -> Arc:
     """The arc with all its points on the finest of their systems; raises Stalled."""
-    size = max(q.x.size for q in (arc.anchor, arc.a, arc.b))
-    while min(q.x.size for q in (arc.anchor, arc.a, arc.b)) < size:
-        arc = _carried(arc, min(q.x.size for q in (arc.anchor, arc.a, arc.b)), options)
-    return arc
+    finest = max((arc.anchor, arc.a, arc.b), key=lambda q: q.x.size)
+    return _on(finest.system, arc, options)
 
 
-def _carried(arc: Arc, size: int, options: Options) -> Arc:
-    """The arc with those of its points refined once that have `size` unknowns."""
-    anchor = finer(arc.anchor, options) if arc.anchor.x.size == size else arc.anchor
-    ends = [
-        anchor if q is arc.anchor else finer(q, options) if q.x.size == size else q
-        for q in (arc.a, arc.b)
-    ]
-    return Arc(anchor, *ends)
+def _on(system: System, arc: Arc, options: Options) -> Arc:
+    """The arc with all its points on this system; raises Stalled."""
+    size = system.scale.size
+    anchor, a, b = (arc.anchor, arc.a, arc.b)
+    if all(q.x.size == size for q in (anchor, a, b)):
+        return arc
+    anchor = _on_finer(system, anchor, options) if anchor.x.size != size else anchor
+    a, b = (
+        anchor if q is arc.anchor else _on_finer(system, q, options) if q.x.size != size else q
+        for q in (a, b)
+    )
+    return Arc(anchor, a, b)
 
 
-def finer(point: Point, options: Options) -> Point:
-    """The point on the refined system. Raises Stalled if there is none."""
-    system = point.system.refined()
-    if system is None:
-        raise Stalled(f"no finer discretization at parameter = {point.parameter:.10g}")
-    carry = point.system.prolonged
-    moved = replace(point, system=system, x=carry(point.x), x_tangent=carry(point.x_tangent))
+def _on_finer(system: System, point: Point, options: Options) -> Point:
+    """The point on a finer system."""
+    moved = carried(point, system)
     found = at_distance(moved, 0.0, options)
     # where branches cross, Newton's method has no chance: the prolonged point is the solution
     return moved if found is None else replace(found, fold=point.fold)

@@ -31,7 +31,7 @@ class System(Protocol):
 
     `residual` and `jacobian` accept complex x and q. `weights` (n,) define the inner product,
     `scale` (n,) the magnitude of the unknowns. `resolved`, `refined`, `prolonged`: whether the
-    discretization suffices for x at q, a finer one if allowed, and a vector carried to it.
+    discretization suffices for x at q, a finer one for it if allowed, and a vector carried to that.
     """
 
     @property
@@ -41,8 +41,8 @@ class System(Protocol):
     def residual(self, x: Array, q: Array) -> Array: ...  # noqa: D102
     def residual_and_jacobian(self, x: Array, q: Array) -> tuple[Array, Array]: ...  # noqa: D102
     def resolved(self, x: Array, q: Array) -> bool: ...  # noqa: D102
-    def refined(self) -> System | None: ...  # noqa: D102
-    def prolonged(self, x: Array) -> Array: ...  # noqa: D102
+    def refined(self, x: Array, q: Array) -> System | None: ...  # noqa: D102
+    def prolonged(self, x: Array, finer: Any) -> Array: ...  # noqa: D102
 
 
 @dataclass(frozen=True)
@@ -239,24 +239,19 @@ def parameter_derivative(system: System, x: Array, q: Array, k: int = 0) -> Arra
 def adapted(point: Point, options: Options) -> Point:
     """The point on a system fine enough for it; the point itself if it is resolved."""
     while not point.system.resolved(point.x, np.array([point.parameter])):
-        finer = _refined(point, options)
-        if finer is None:
+        finer = point.system.refined(point.x, np.array([point.parameter]))
+        found = None if finer is None else at_distance(carried(point, finer), 0.0, options)
+        if found is None:
             raise Unresolved(point)
-        point = finer
+        point = found
     return point
 
 
-def _refined(point: Point, options: Options) -> Point | None:
-    system = point.system.refined()
-    if system is None:
-        return None
-    carried = replace(
-        point,
-        system=system,
-        x=point.system.prolonged(point.x),
-        x_tangent=point.system.prolonged(point.x_tangent),
-    )
-    return at_distance(carried, 0.0, options)
+def carried(point: Point, finer: System) -> Point:
+    """The point on a finer system, before Newton's method there."""
+    carry = point.system.prolonged
+    x, x_tangent = (carry(vector, finer) for vector in (point.x, point.x_tangent))
+    return replace(point, system=finer, x=x, x_tangent=x_tangent)
 
 
 def at_parameter(system: System, x: Array, parameter: float) -> Array | None:

@@ -325,3 +325,26 @@ def program(record: Record, wanted: Iterable[int], order: int, n: int) -> Progra
 def transposed(matrices: Sequence[Array], n: int) -> Array:
     """Matrices (n or 1, n) one after the other, transposed; one of one row has it n times."""
     return np.array([np.broadcast_to(m, (n, n)).T for m in matrices]).reshape(-1, n, n)
+
+
+@dataclass(frozen=True, eq=False)
+class Values:
+    """Functions of fields at n points, recorded without their derivatives."""
+
+    program: Program
+    rows: Array
+
+    def __call__(self, inputs: Any, kind: Any = float) -> Array:
+        """The values (functions, n); one number stands there n times."""
+        return self.program.run(inputs, kind)[self.rows]
+
+
+def values_of(function: Callable[..., Sequence[Any]], n: int, names: Iterable[str]) -> Values:
+    """What function(fields, record) returns, `fields` symbols by their `names`.
+
+    `record.input` gives it what else it needs.
+    """
+    record = Record()
+    outputs = function({name: record.input(name) for name in names}, record)
+    found = program(record, [symbol.number for symbol in outputs], 0, n)
+    return Values(found, np.array([found.row[symbol.number] for symbol in outputs]))

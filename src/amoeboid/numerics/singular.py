@@ -67,18 +67,20 @@ class FoldSystem:
         state, _, full = self._parts(x, q)
         return self.system.resolved(state, full)
 
-    def refined(self) -> FoldSystem | None:
+    def refined(self, x: Array, q: Array) -> FoldSystem | None:
         """The folds of the refined system."""
-        finer = self.system.refined()
+        state, _, full = self._parts(x, q)
+        finer = self.system.refined(state, full)
         if finer is None:
             return None
-        return FoldSystem(finer, self.system.prolonged(self.normal), self.parameter_scale)
+        normal = self.system.prolonged(self.normal, finer)
+        return FoldSystem(finer, normal, self.parameter_scale)
 
-    def prolonged(self, x: Array) -> Array:
+    def prolonged(self, x: Array, finer: FoldSystem) -> Array:
         """(x, phi, q_1) carried to the refined system."""
         n = self.normal.size
-        carry = self.system.prolonged
-        return np.concatenate([carry(x[:n]), carry(x[n : 2 * n]), x[2 * n :]])
+        state, phi = (self.system.prolonged(part, finer.system) for part in (x[:n], x[n : 2 * n]))
+        return np.concatenate([state, phi, x[2 * n :]])
 
     def _parts(self, x: Array, q: Array) -> tuple[Array, Array, Array]:
         n = self.normal.size
