@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
+from amoeboid.numerics.bracketed import bracketed_root
 from amoeboid.numerics.branch_points import Options, Point, Stalled, at_distance
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
@@ -51,7 +51,7 @@ def located(
         return known[distance][1]
 
     try:
-        root = brentq(at, begin, span, xtol=1e-9 * span, rtol=1e-13)
+        root = bracketed_root(at, begin, span, xtol=1e-9 * span, rtol=1e-13)
         at(root)
         point = known[root][0]
     except Stalled:
