@@ -130,8 +130,10 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def _tell_results(run: RunFolder, outcome: Outcome, summary: dict[str, Any], as_json: bool) -> None:
+    from amoeboid.runs.advance import FINISHED
+
     last, status, why = outcome.last, outcome.status, outcome.ended
-    if status != "finished":
+    if status != FINISHED:
         tell("run", f"{status}: {why}")
         tell("run", f"the last good state is in {run.folder}")
     if EXIT_CODES[status] == INTERRUPTED:
@@ -140,7 +142,7 @@ def _tell_results(run: RunFolder, outcome: Outcome, summary: dict[str, Any], as_
         shape = {} if run.adapted is None else {"initial_shape": run.adapted}
         print_json(summary | shape | {"status": status})
     else:
-        _print_summary(run, summary, last, why if status == "finished" else status)
+        _print_summary(run, summary, last, why if status == FINISHED else status)
 
 
 def _resuming(run: RunFolder) -> str:

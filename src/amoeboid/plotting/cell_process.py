@@ -2,7 +2,7 @@
 
 Standard input: an .npz archive of a scene, see `cell_picture`; standard output: the PNG file. It is
 ready to draw before there is a cell, and ends if none comes: with the program that started it, or
-with the exit code LEFT after the seconds that are its argument.
+with the exit code LEFT when it has waited for the seconds that are its argument.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ def main(seconds: str) -> None:
     """Wait for a scene, write the picture."""
     # of the terminal, meant for the run, which ends with a picture
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    leaving = threading.Timer(float(seconds), os._exit, [LEFT])
-    leaving.daemon = True
-    leaving.start()
     import numpy as np
 
     from amoeboid.plotting.cell_picture import drawn
 
     _get_ready()
+    leaving = threading.Timer(float(seconds), os._exit, [LEFT])
+    leaving.daemon = True
+    leaving.start()
     begin = sys.stdin.buffer.read(1)
     leaving.cancel()
     signal.signal(signal.SIGINT, signal.SIG_DFL)
