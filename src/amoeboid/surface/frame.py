@@ -175,7 +175,7 @@ def resisted_frame(
     translations = motions[:, :3].reshape(-1, 3, 3)
     moved = np.einsum("vij,vjk->vik", drag.of_cortex, translations).reshape(-1, 3)
     response = factor.solve(np.hstack([force, -moved, areas * motions]))
-    frame = ResistedFrame(response[:, 1:], drag)
+    frame = ResistedFrame(np.ascontiguousarray(response[:, 1:]), drag)
     still = np.zeros_like(r)
     kept = Constraints.on(r, g, model.mesh.faces)
     motion = ResistedMotions(frame, drag, kept, motions, still, still)
@@ -204,7 +204,8 @@ class Constraints:
         """The sums (6, ...) of `velocities` (3V, ...) or (V, 3)."""
         g, v = self.g, velocities
         one = len(v) == len(g.normals) or v.ndim == 1
-        columns = v.reshape(len(g.normals), 3, -1)
+        # contiguous: of another layout, the kernel would be compiled once more
+        columns = np.ascontiguousarray(v).reshape(len(g.normals), 3, -1)
         sums = _constrained(self.centered, self.about, g.node_areas, g.normals, columns)
         return np.asarray(sums[:, 0] if one else sums)
 
