@@ -70,21 +70,30 @@ def _add(total, diagonal, block, count, low, high):  # type: ignore[no-untyped-d
 
 @nested
 def _multiply_columns(matrix, block, found, low, high):  # type: ignore[no-untyped-def]
-    """found = matrix @ block in the same columns, with the transposed matrix; four rows at once."""
+    """found = matrix @ block in the same columns, with the transposed matrix.
+
+    Two rows are found at once, from four of the block: each number that is loaded serves twice.
+    """
     rows = len(block)
-    for i in range(len(found)):
-        line = found[i, low:high]
-        line[:] = 0.0
+    for start in range(0, len(found), 2):
+        i = min(start, len(found) - 2)  # the last but one of an odd number is found twice
+        one, two = found[i, low:high], found[i + 1, low:high]
+        one[:] = 0.0
+        two[:] = 0.0
         for k in range(0, rows - 3, 4):
             b0, b1 = block[k, low:high], block[k + 1, low:high]
             b2, b3 = block[k + 2, low:high], block[k + 3, low:high]
             f0, f1, f2, f3 = matrix[k, i], matrix[k + 1, i], matrix[k + 2, i], matrix[k + 3, i]
-            for j in range(line.size):
-                line[j] += (f0 * b0[j] + f1 * b1[j]) + (f2 * b2[j] + f3 * b3[j])
+            g0, g1 = matrix[k, i + 1], matrix[k + 1, i + 1]
+            g2, g3 = matrix[k + 2, i + 1], matrix[k + 3, i + 1]
+            for j in range(one.size):
+                one[j] += (f0 * b0[j] + f1 * b1[j]) + (f2 * b2[j] + f3 * b3[j])
+                two[j] += (g0 * b0[j] + g1 * b1[j]) + (g2 * b2[j] + g3 * b3[j])
         for k in range(rows - rows % 4, rows):
-            last, factor = block[k, low:high], matrix[k, i]
-            for j in range(line.size):
-                line[j] += factor * last[j]
+            last, f, g = block[k, low:high], matrix[k, i], matrix[k, i + 1]
+            for j in range(one.size):
+                one[j] += f * last[j]
+                two[j] += g * last[j]
 
 
 @compiled
@@ -105,9 +114,9 @@ def jacobian(
     the columns of each of these.
     """
     n, size = rows.shape[1], maps.shape[2]
-    found = np.zeros((scales.size, size), rows.dtype)
-    images = np.zeros((len(spans) - len(maps), n, size), rows.dtype)
-    total = np.zeros((n, size), rows.dtype)
+    found = np.empty((scales.size, size), rows.dtype)
+    images = np.empty((len(spans) - len(maps), n, size), rows.dtype)
+    total = np.empty((n, size), rows.dtype)
     product = line = 0
     for matrix, count, begin, end in fields:
         total[:] = 0.0
