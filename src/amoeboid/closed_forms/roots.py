@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics.bracketed import bounded_minimum, bracketed_root
 from amoeboid.validation import InvalidInput
 
 DECADES = 8
@@ -86,13 +87,11 @@ def _sample(function: Function, x: float) -> float:
 
 
 def _bracketed(function: Function, low: float, high: float) -> list[float]:
-    from scipy.optimize import brentq  # takes long to import, and few runs ask for a root
-
     def scalar(v: float) -> float:
         return _sample(function, v)
 
     try:
-        root = float(brentq(scalar, low, high, xtol=1e-300, rtol=1e-14))
+        root = bracketed_root(scalar, low, high, xtol=1e-300, rtol=1e-14)
     except ValueError:  # NaN in between: the function is refused there
         return []
     ends = max(abs(scalar(low)), abs(scalar(high)))
@@ -101,13 +100,10 @@ def _bracketed(function: Function, low: float, high: float) -> list[float]:
 
 
 def _about_extremum(function: Function, low: float, high: float, sign: float) -> list[float]:
-    from scipy.optimize import minimize_scalar
-
     def distance(v: float) -> float:
         return sign * _sample(function, v)
 
-    best = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": 0.0})
-    nearest, value = float(best.x), float(best.fun)
+    nearest, value = bounded_minimum(distance, low, high, xtol=0.0)
     if value < 0:
         return _bracketed(function, low, nearest) + _bracketed(function, nearest, high)
     touches = value <= 1e-12 * max(distance(low), distance(high))
