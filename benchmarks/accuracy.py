@@ -2,10 +2,11 @@
 
     python -m benchmarks.accuracy 2 3 4 5        # 162 to 10242 nodes; 6 is 40962
     python -m benchmarks.accuracy growth 2 3 4   # rate of the fastest growing perturbation
+    python -m benchmarks.accuracy rest 2 3 4     # flow of a cell that should be at rest
 
-The first tables of docs/numerics-surface.md, and that of growth rates. The cells are solved for
-from the axisymmetric state, on nodes as uniform as those that a run begins with; runs differ by
-where their nodes come to lie.
+The first tables of docs/numerics-surface.md, and those of growth rates and of the flow at rest. The
+cells are solved for from the axisymmetric state, on nodes as uniform as those that a run begins
+with; runs differ by where their nodes come to lie.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from amoeboid.axisymmetric.cell import AxisymmetricCell
 from amoeboid.axisymmetric.on_mesh import on_directions
+from amoeboid.axisymmetric.onset import onset_speed
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import AZIMUTHAL_NUMBERS, growth_rates
 from amoeboid.meshes.cells import InitialCell
@@ -75,6 +77,32 @@ def _rate(state: AxisymmetricCell, subdivisions: int) -> str:
     return "unknown" if found.rate is None else f"{found.rate:+.5f} +- {found.error:.5f}"
 
 
+PRESSURES = (300.0, 11.0, 1.0)
+"""delta_P of the cells at rest. Without pressure some shapes of the sphere do not decay."""
+
+
+def rest(subdivisions: list[int]) -> None:
+    """Print the fastest flow, over v_p(c0), of cells at half the threshold, and the orders."""
+    for pressure in PRESSURES:
+        p = Parameters(D=0.4, delta_P=pressure)
+        threshold = onset_speed(p)
+        assert threshold is not None
+        p = p.replace(v_p0=threshold / 2.0)
+        flows = []
+        for n in subdivisions:
+            directions, faces = uniform_icosphere(n)
+            start = InitialCell(p.R0 * directions, faces, np.full(len(directions), p.c0), 1.0)
+            flows.append(steady_state(p, start=start).number("max_retrograde_speed") / p.v_p(p.c0))
+        orders = np.log2(np.divide(flows[:-1], flows[1:]))
+        print(
+            f"delta_P = {pressure:<5g}",
+            *(f"{flow:9.1e}" for flow in flows),
+            "orders",
+            *(f"{o:.2f}" for o in orders),
+            flush=True,
+        )
+
+
 def main(subdivisions: list[int]) -> None:
     """Print relative errors [%] on every mesh, and their orders from one to the next."""
     for name, (p, rear) in CASES.items():
@@ -101,7 +129,8 @@ def main(subdivisions: list[int]) -> None:
 
 
 if __name__ == "__main__":
-    if sys.argv[1:2] == ["growth"]:
-        growth([int(word) for word in sys.argv[2:]])
+    others = {"growth": growth, "rest": rest}
+    if sys.argv[1:2] and sys.argv[1] in others:
+        others[sys.argv[1]]([int(word) for word in sys.argv[2:]])
     else:
         main([int(word) for word in sys.argv[1:]])

@@ -1,7 +1,7 @@
 """Branches of straight, circling and helical cells in v_p0, and the bifurcations between them.
 
     python -m benchmarks.turning 20 --window 7.84 8.6 --subdivisions 3
-    python -m benchmarks.turning 11 --window 6.7 7.2
+    python -m benchmarks.turning 11 --window 6.7 7.2 --straight 6.85
     python -m benchmarks.turning 30 --window 9 10
     python -m benchmarks.turning 20 --window 7.84 7.95 --onset 2 3 4 5
 

@@ -1,5 +1,10 @@
 import gc
 import os
+from functools import cache
+
+# Tests print for no terminal, whatever the one is that they are started from.
+for _name in ("COLUMNS", "LINES"):
+    os.environ.pop(_name, None)
 
 # One thread a process: the matrices are small, and results must not depend on the machine's cores.
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
@@ -14,8 +19,11 @@ settings.register_profile(
     derandomize=True,
     deadline=None,
     database=None,
+    max_examples=50,
     suppress_health_check=[HealthCheck.too_slow],
 )
+# .ci/run --slow: pytest --hypothesis-profile=thorough
+settings.register_profile("thorough", settings.get_profile("amoeboid"), max_examples=300)
 settings.load_profile("amoeboid")
 
 
@@ -25,7 +33,16 @@ def pytest_configure():
 
 def pytest_collection_finish():
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)  # the default looks for garbage some hundred times a second
     gc.enable()
+
+
+@pytest.fixture
+def theory_once(monkeypatch):
+    """`amoeboid theory` computes a point once, in how many ways it may be printed."""
+    from amoeboid.studies import theory
+
+    monkeypatch.setattr(theory, "theory", cache(theory.theory))
 
 
 @pytest.fixture

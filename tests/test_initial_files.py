@@ -34,7 +34,7 @@ def project(tmp_path):
     write_surface(folder / "shapes" / "cell.stl", *ellipsoid())
     write_surface(tmp_path / "outside.stl", *ellipsoid())
     (folder / "run.toml").write_text(
-        '[initial]\nsurface = "shapes/cell.stl"\nperturbation = 1\n[time]\nend = 0.3\n'
+        '[initial]\nsurface = "shapes/cell.stl"\nperturbation = 1\n[time]\nend = 0.1\n'
     )
     return folder
 
@@ -52,9 +52,9 @@ def test_a_run_keeps_what_it_started_from(project, tmp_path, capsys, monkeypatch
     monkeypatch.chdir(tmp_path / "elsewhere")
     again = told(capsys, "../b/config.toml", "-o", "c")
     assert {k: again[k] for k in SAME} == {k: whole[k] for k in SAME}
-    longer = told(capsys, "--resume", tmp_path / "b", "--set", "time.end=0.4")
+    longer = told(capsys, "--resume", tmp_path / "b", "--set", "time.end=0.15")
     assert longer["steps"] > whole["steps"]
-    direct = told(capsys, "../b/config.toml", "--set", "time.end=0.4", "-o", "d")
+    direct = told(capsys, "../b/config.toml", "--set", "time.end=0.15", "-o", "d")
     assert direct["zeta0"] == pytest.approx(longer["zeta0"], rel=1e-3)
 
 

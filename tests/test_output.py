@@ -65,31 +65,28 @@ def without_pictures(monkeypatch):
     monkeypatch.setattr("amoeboid.plotting.cell.save_cell_picture", lambda *_: None)
 
 
-@pytest.mark.parametrize("columns", [None, "40"])
 @pytest.mark.parametrize("system", UNIT_SYSTEMS)
-def test_theory_prints_significant_digits_in_any_units(system, columns, monkeypatch, capsys):
-    monkeypatch.delenv("COLUMNS", raising=False)
-    if columns:
-        monkeypatch.setenv("COLUMNS", columns)
+def test_theory_prints_significant_digits_in_any_units(system, theory_once, monkeypatch, capsys):
     assert main(["theory", "--json", *settings_in(system)]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert main(["theory", *settings_in(system)]) == 0
-    out = capsys.readouterr().out
-    printed = numbers_in(out)
     values = [x for x in result.values() if isinstance(x, float)]
     values += [*result["growth_rates"].values(), *result["thresholds"]]
     values += [x for pair in result["growth_rates_finite_pressure"].values() for x in pair]
     assert len(values) > 25
-    missing = [x for x in values if not is_printed(x, printed)]
-    assert missing == []
-    if columns:
-        table_lines = [x for x in out.splitlines() if not x.startswith(("Theory", "Note"))]
-        assert max(map(len, table_lines)) <= 60
+    for columns in (None, "40"):
+        if columns:
+            monkeypatch.setenv("COLUMNS", columns)
+        assert main(["theory", *settings_in(system)]) == 0
+        out = capsys.readouterr().out
+        printed = numbers_in(out)
+        missing = [x for x in values if not is_printed(x, printed)]
+        assert missing == []
+    table_lines = [x for x in out.splitlines() if not x.startswith(("Theory", "Note"))]
+    assert max(map(len, table_lines)) <= 60
 
 
 @pytest.mark.parametrize("columns", [None, "40"])
 def test_steady_states_have_significant_digits_in_si_units(columns, monkeypatch, capsys):
-    monkeypatch.delenv("COLUMNS", raising=False)
     if columns:
         monkeypatch.setenv("COLUMNS", columns)
     assert main(["steady", "--json", *settings_in("SI")]) == 0
@@ -111,7 +108,6 @@ def test_steady_states_have_significant_digits_in_si_units(columns, monkeypatch,
 def test_branches_and_phase_diagrams_have_significant_digits_in_si_units(
     columns, monkeypatch, capsys
 ):
-    monkeypatch.delenv("COLUMNS", raising=False)
     if columns:
         monkeypatch.setenv("COLUMNS", columns)
     speed, diffusion = 1e-5 / 10.0, 1e-10 / 10.0  # R0 beta and R0^2 beta

@@ -44,6 +44,16 @@ def folder(tmp_path, monkeypatch):
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
+def test_runs_of_the_readme_are_possible(arguments):
+    """To the time that they state, or to the first hundredth of a turnover."""
+    end = "time.end=0.1 s" if "--physical" in arguments else "time.end=0.01"
+    words = ["run", "--set", end, *arguments[1:], "--set", "mesh.subdivisions=1", "--json"]
+    assert main(words) == 0
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("folder")
+@pytest.mark.parametrize("arguments", RUNS, ids=" ".join)
 def test_runs_of_the_readme_finish(arguments):
     assert main([*arguments, "--set", "mesh.subdivisions=1", "--json"]) == 0
 

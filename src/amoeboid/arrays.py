@@ -14,6 +14,12 @@ Index = NDArray[np.int64]
 """Numbers of nodes, faces, rows."""
 
 
+def all_finite(x: Any) -> bool:
+    """Whether all numbers are finite; of a single one in a fraction of the time of `numpy.all`."""
+    good = np.isfinite(x)
+    return bool(good.all() if good.ndim else good)
+
+
 def cross(a: Array, b: Array) -> Array:
     """Vector products (..., 3) of vectors (..., 3), of one shape or one each.
 

@@ -157,8 +157,7 @@ def test_mistakes_are_one_message_and_exit_code_2(capsys, words, text):
 
 
 @pytest.mark.parametrize("command", ["steady", "theory"])
-def test_commands_say_which_parameters_count(capsys, monkeypatch, command):
-    monkeypatch.delenv("COLUMNS", raising=False)
+def test_commands_say_which_parameters_count(capsys, command):
     _, out, _ = run(capsys, command, "--set", "v_p0=3.6")
     assert "D = 0.03" in out.splitlines()[0]
     assert "v_p0 = 3.6" in out.splitlines()[0]

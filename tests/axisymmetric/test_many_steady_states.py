@@ -3,6 +3,7 @@
 import pickle
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from importlib.util import find_spec
 
 import numpy as np
@@ -17,6 +18,9 @@ from amoeboid.axisymmetric.unknowns import resampled
 pytestmark = pytest.mark.skipif(
     find_spec("jax") is None, reason="JAX is not installed: pip install 'amoeboid[gpu]'"
 )
+
+# five cells at a time in two lanes, so that all of these tests use the same compiled functions
+COMPILED = {"max_modes": 32, "chunk": 2, "progress": False}
 
 
 def difference(state, other):
@@ -46,7 +50,7 @@ def few():
     """
     return am.many_steady_states(
         am.points(am.Parameters(), D=[0.4, 0.4, 0.4, 0.4, 0.1], v_p0=[6.1, 4.0, 5.2, 5.2097, 5.0]),
-        progress=False, max_modes=32, chunk=2,
+        **COMPILED,
     )  # fmt: skip
 
 
@@ -114,8 +118,7 @@ def test_a_table_of_many_states_has_status_and_parameters(few):
 def test_cells_that_come_to_the_sphere_from_a_start_are_told_as_such():
     p = am.Parameters(D=0.4)
     found = am.many_steady_states(
-        am.points(p, v_p0=[3.0, 4.0, 4.5, 5.0, 7.0]), start=homogeneous(p),
-        max_modes=32, progress=False,
+        am.points(p, v_p0=[3.0, 4.0, 4.5, 5.0, 7.0]), start=homogeneous(p), **COMPILED
     )  # fmt: skip
     assert found.status.tolist() == ["sphere"] * 5
     assert "the start led back to the sphere" in found.reason(0)
@@ -169,7 +172,7 @@ def test_cells_with_units_of_their_own_are_computed_in_those_of_the_first():
         for k in (1, 2)
     )
     assert small.value("v_p0") == large.value("v_p0")  # each in its own units
-    found = am.many_steady_states([small, large] * 2 + [small], max_modes=32, progress=False)
+    found = am.many_steady_states([small, large] * 2 + [small], **COMPILED)
     speeds = found["max_retrograde_speed"]
     assert speeds[1] == pytest.approx(2 * speeds[0], rel=1e-9)
     assert speeds[::2] == pytest.approx(speeds[0], rel=1e-9)
@@ -230,3 +233,40 @@ def test_observables_of_many_states_show_progress(few, monkeypatch):
     few.__dict__.pop("_known", None)
     few["reduced_volume"]
     assert shown == ["reduced_volume: 0 of 3 states"]
+
+
+# As the solver of a sweep: how it is asked for is tested in sweeps/test_side_by_side.py.
+GRID = {"D": [0.4, 0.1], "v_p0": [4.0, 6.1]}
+MANY = partial(am.many_steady_states, max_modes=32, chunk=2)
+
+
+@pytest.fixture(scope="module")
+def swept():
+    """Cells at rest, polarized, and with more modes than are allowed; and one that cannot be."""
+    return am.sweep(am.grid(D=[*GRID["D"], -1.0], v_p0=GRID["v_p0"]), MANY)
+
+
+def test_states_of_a_sweep_are_those_of_many_steady_states(swept):
+    D, v_p0 = np.meshgrid(GRID["D"], GRID["v_p0"], indexing="ij")
+    many = am.many_steady_states(am.points(am.Parameters(), D=D, v_p0=v_p0), **COMPILED)
+    for name in ("max_retrograde_speed", "c_rear", "zeta0"):
+        np.testing.assert_allclose(swept[name].sel(D=GRID["D"]), many[name], rtol=1e-9)
+    assert swept["max_retrograde_speed"].attrs["units"] == "L/T"
+    assert swept["modes"].sel(D=0.4, v_p0=6.1) == 32
+
+
+def test_statuses_and_reasons_of_lanes_are_those_of_points(swept):
+    assert swept["status"].values.tolist() == [["ok", "ok"], ["ok", "failed"], ["failed"] * 2]
+    assert swept["state"].values.tolist() == [["sphere", "polarized"], ["polarized", ""], ["", ""]]
+    assert "no other state here" in str(swept["why"].sel(D=0.4, v_p0=4.0).values)
+    assert "unresolved: the series of 32 modes" in str(swept["why"].sel(D=0.1, v_p0=6.1).values)
+    assert "D must be a finite number" in str(swept["why"].sel(D=-1.0, v_p0=4.0).values)
+
+
+@pytest.mark.slow
+def test_cells_that_cannot_be_side_by_side_are_computed_in_turns():
+    p = am.Parameters(D=0.4, v_p0=6.1)
+    rows = am.sweep([p, p.replace(gamma_t=0.1), p.replace(D=0.41)], MANY)
+    assert rows["status"].values.tolist() == ["ok"] * 3
+    alone = am.sweep([p], MANY)
+    assert rows["c_rear"].values[0] == pytest.approx(alone["c_rear"].values[0], rel=1e-9)

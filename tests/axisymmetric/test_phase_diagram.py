@@ -174,8 +174,8 @@ def test_what_the_modes_cannot_resolve_is_marked(monkeypatch):
 
 
 def _stopping(after):
-    def follow(start, options):
-        yield from islice(continuation.follow(start, options), after)
+    def follow(*arguments):
+        yield from islice(continuation.follow(*arguments), after)
         raise continuation.Stalled("stopped on purpose")
 
     return follow

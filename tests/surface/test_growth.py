@@ -14,7 +14,7 @@ from surface.shapes import observed_orders
 
 AMPLITUDE = 1e-4
 # Steps until the fast mode of the shape has decayed, twice; l = 1 has no such mode.
-STEPS = {1: 50, 2: 100, 3: 100}
+STEPS = {1: 16, 2: 100, 3: 100}
 
 
 def exact_rates(p, l):

@@ -5,6 +5,7 @@ products are taken at Gauss nodes, and the concentration keeps modes 1 .. N.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -22,9 +23,20 @@ class RigidSphere:
     P: np.ndarray
     slope: np.ndarray
 
-    @property
+    @cached_property
     def degrees(self):
         return np.arange(1, len(self.P) + 1)
+
+    @cached_property
+    def projection(self):
+        """Modes 1 .. N of a function of its values at the nodes, as a matrix."""
+        return (self.weights * self.P) * (2 * self.degrees[:, None] + 1) / 2
+
+    @cached_property
+    def divergence(self):
+        """Modes of -div(c v), from c times the sum of t_l dP_l/dx at the nodes, as a matrix."""
+        slopes = self.weights * (1 - self.x**2) * self.slope
+        return slopes * (2 * self.degrees[:, None] + 1) / (2 * self.p.R0)
 
     def concentration(self, modes):
         return self.p.c0 + modes @ self.P
@@ -38,22 +50,20 @@ class RigidSphere:
         p, l = self.p, self.degrees
         L = l * (l + 1)
         source = 2 * (p.eta_s + p.eta_b) * p.v_p(c) / p.R0 + p.alpha * c
-        modes = (self.P * source) @ self.weights * (2 * l + 1) / 2
-        return modes / ((2 * p.eta_s - L * (p.eta_b + 2 * p.eta_s)) / p.R0)
+        return (self.projection @ source) / ((2 * p.eta_s - L * (p.eta_b + 2 * p.eta_s)) / p.R0)
 
     def rate(self, modes):
         p, l = self.p, self.degrees
         c = self.concentration(modes)
-        flux = c * (self.flow_slopes(c) @ self.slope) * (1 - self.x**2)
-        advection = (self.slope * flux) @ self.weights * (2 * l + 1) / (2 * p.R0)
+        advection = self.divergence @ (c * (self.flow_slopes(c) @ self.slope))
         return advection - (l * (l + 1) * p.D / p.R0**2 + p.beta) * modes
 
     def rate_counting_advection_twice(self, modes):
         """What nodes moving with v see with the Eulerian equation: -v.grad c once more."""
         c = self.concentration(modes)
         slopes, gradient = self.flow_slopes(c) @ self.slope, modes @ self.slope
-        extra = (self.P * (1 - self.x**2) * slopes * gradient) @ self.weights
-        return self.rate(modes) - extra * (2 * self.degrees + 1) / (2 * self.p.R0)
+        extra = self.projection @ ((1 - self.x**2) * slopes * gradient) / self.p.R0
+        return self.rate(modes) - extra
 
     def max_speed(self, modes):
         """Largest tangential speed over the sphere."""

@@ -101,7 +101,7 @@ SILENT = [
 
 
 @pytest.mark.parametrize("changes", SILENT, ids=str)
-def test_odd_but_valid_points_get_an_answer(capsys, changes):
+def test_odd_but_valid_points_get_an_answer(capsys, theory_once, changes):
     found = _json(capsys, *_set(**changes))
     assert set(found) >= CONTRACT
     if found["v_p_critical"] is None:

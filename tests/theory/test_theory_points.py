@@ -17,11 +17,13 @@ from amoeboid.closed_forms.points import points
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
+MANY = 200_000
+
 
 @pytest.fixture(scope="module")
-def million():
+def many():
     rng = np.random.default_rng(0)
-    n = 10**6
+    n = MANY
     return points(
         Parameters(),
         D=rng.uniform(0.01, 1, n),
@@ -44,23 +46,24 @@ def million():
     ],
     ids=["growth_rate", "critical_speed", "nu", "delta_P_star", "finite_pressure_rates"],
 )
-def test_a_million_points_take_about_a_second(million, function, law):
-    p = points(million, law=law)
+def test_a_million_points_take_about_a_second(many, function, law):
+    """Measured on a fifth of them."""
+    p = points(many, law=law)
     durations = []
     for _ in range(3):
         # Processor time: other programs on the machine do not count.
         start = time.process_time()
         found = function(p)
         durations.append(time.process_time() - start)
-        if durations[-1] < 3:
+        if durations[-1] < 0.6:
             break
-    assert min(durations) < 3  # 0.1 to 1.2 s on the slowest machine; a loop would take minutes
-    assert found.shape[0] == 10**6
+    assert min(durations) < 0.6  # 0.02 to 0.24 s on the slowest machine; a loop would take minutes
+    assert found.shape[0] == MANY
     assert np.all(np.isfinite(found))
 
 
-def test_a_prediction_per_point_needs_no_loop(million):
-    p = points(Parameters(), D=million.D[:1000], v_p0=million.v_p0[:1000])
+def test_a_prediction_per_point_needs_no_loop(many):
+    p = points(Parameters(), D=many.D[:1000], v_p0=many.v_p0[:1000])
     found = prediction(p)
     assert found.relative_error.shape == (1000,)
     assert np.all(np.isfinite(found.next_order_speed))
@@ -93,3 +96,15 @@ def test_flat_lists_the_points_in_order():
 
 def test_examples_in_the_docstrings():
     assert doctest.testmod(points_module).failed == 0
+
+
+def test_what_a_point_keeps_of_its_law_is_that_of_the_law():
+    """Speeds at c0 are kept, of one point: not at another c, nor at another speed."""
+    p = points(Parameters(D=0.4))
+    for order in (0, 1, 3):
+        kept = p.v_p_derivatives(p.c0, order)
+        assert p.v_p_derivatives(p.c0, order) is kept
+        assert kept == Parameters(D=0.4).v_p_derivatives(3.0, order)
+    assert p.v_p(2.0) == Parameters().v_p(2.0)
+    faster = p.at_speed(2 * p.v_p0)
+    assert faster.v_p(p.c0) == 2 * p.v_p(p.c0)

@@ -32,28 +32,22 @@ class HarmonicBasis:
     curvatures: Array
 
     @cached_property
-    def velocities(self) -> Array:
-        """(a, b, w) of the trial velocities (3, nodes, count): (a, i b, w) along (t, e_phi, n).
+    def tangents(self) -> tuple[Array, Array]:
+        """(a, b) of the trial velocities (a, i b) along (t, e_phi), (nodes, count) each.
 
-        Gradients of the harmonics, rotations for m > 0, and the harmonics along the normal.
+        Gradients of the harmonics, and for m > 0 rotations.
         """
-        return self._velocities(self.slopes, self.over_sine, self.values)
+        return self._tangents(self.slopes, self.over_sine)
 
     @cached_property
-    def velocity_slopes(self) -> Array:
+    def tangent_slopes(self) -> tuple[Array, Array]:
         """Their derivatives to x."""
-        return self._velocities(self.curvatures, self.over_sine_slopes, self.slopes)
+        return self._tangents(self.curvatures, self.over_sine_slopes)
 
-    def _velocities(self, gradient: Array, around: Array, normal: Array) -> Array:
-        nodes, count = self.values.shape
-        first = 1 if self.degrees[0] == 0 else 0  # the gradient of a constant is no velocity
-        a, b = gradient[:, first:], around[:, first:]
-        if self.degrees[0] > 0:
-            a, b = np.hstack([a, around]), np.hstack([b, gradient])
-        found = np.zeros((3, nodes, a.shape[1] + count))
-        found[0, :, : a.shape[1]], found[1, :, : a.shape[1]] = a, b
-        found[2, :, a.shape[1] :] = normal
-        return found
+    def _tangents(self, gradient: Array, around: Array) -> tuple[Array, Array]:
+        if self.degrees[0] == 0:  # the gradient of a constant is no velocity
+            return gradient[:, 1:], around[:, 1:]
+        return np.hstack([gradient, around]), np.hstack([around, gradient])
 
 
 @lru_cache(maxsize=160)

@@ -9,9 +9,10 @@ lengths in R0, concentrations in c0, rates in its fastest rate (`natural_units`)
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -22,17 +23,17 @@ from amoeboid.axisymmetric.harmonics import HarmonicBasis, harmonics
 from amoeboid.axisymmetric.perturbations import (
     Base,
     base_fields,
-    perturbed_fields,
+    normals,
     rates_of,
     removed,
     rigid_motions,
+    tangents,
     together,
-    trial_velocities,
     velocity_response,
 )
 from amoeboid.axisymmetric.steady import SteadySolution, unknowns_in_units
 from amoeboid.axisymmetric.unknowns import split
-from amoeboid.closed_forms.linear import finite_pressure_rates
+from amoeboid.closed_forms.linear import finite_pressure_matrix
 from amoeboid.closed_forms.points import points
 from amoeboid.model.natural_units import natural_units, point_in_units
 from amoeboid.model.parameters import DIMENSIONS, ParameterPoint, Parameters
@@ -65,23 +66,13 @@ class Linearization:
     @cached_property
     def base(self) -> Base:
         """The fields of the states; the nodes are the same for every m."""
-        basis = self.basis(0)
-        return together([base_fields(state, basis) for state in self.states])
+        alike = [list(some) for _, some in groupby(self.states, key=lambda state: state.n)]
+        return together([base_fields(some, _joint(some), self.basis(0)) for some in alike])
 
     @cached_property
     def parameters(self) -> ParameterPoint:
         """Those of the states: numbers where all agree, else arrays (states, 1, 1)."""
-        return _Together(
-            {
-                name: _column([getattr(state.parameters, name) for state in self.states])
-                for name in DIMENSIONS
-            }
-        )
-
-    @property
-    def scale(self) -> Any:
-        """ds/dx of the states."""
-        return _column([state.length_scale for state in self.states])
+        return _joint(self.states)
 
     @cached_property
     def slow_rates(self) -> list[float]:
@@ -117,12 +108,10 @@ class Linearization:
 
     def _matrices(self, m: int) -> tuple[Array, Array, Array]:
         """The rate of (h, c') of each state, and what `removed` says."""
-        basis, base, p, scale = self.basis(m), self.base, self.parameters, self.scale
-        trial = trial_velocities(base, basis, scale)
-        perturbed = perturbed_fields(base, basis, scale)
-        rigid = rigid_motions(base, m)
-        response = velocity_response(p, base, trial, perturbed, rigid)
-        rates = rates_of(p, base, perturbed, response)
+        basis, base, p = self.basis(m), self.base, self.parameters
+        along, across, rigid = tangents(base, basis), normals(base, basis), rigid_motions(base, m)
+        response = velocity_response(p, base, along, across, rigid)
+        rates = rates_of(p, base, across, response)
         mass = basis.values.T @ (base.measure * basis.values)
         halves = np.split(solve(mass, np.concatenate(rates, axis=-1)), 2, axis=-1)
         conserved = self.states[0].parameters.beta == 0
@@ -137,12 +126,27 @@ def slow_rate(p: Any) -> float:
 
 
 class _Together(ParameterPoint):
-    """Parameters of several cells."""
+    """Parameters of several cells that all have friction, or an isotropic stress, or have none."""
+
+    def __init__(self, values: Mapping[str, Any], friction: bool, isotropic_stress: bool) -> None:
+        super().__init__(values)
+        self._has = friction, isotropic_stress
 
     @property
     def has_friction(self) -> bool:
         """See Material.has_friction."""
-        return bool(np.any(self.gamma_t + self.gamma_n + self.gamma_c))
+        return self._has[0]
+
+    @property
+    def has_isotropic_stress(self) -> bool:
+        """See Material.has_isotropic_stress."""
+        return self._has[1]
+
+
+def _joint(states: Sequence[SteadySolution]) -> _Together:
+    cells = [state.parameters for state in states]
+    values = {name: _column([getattr(p, name) for p in cells]) for name in DIMENSIONS}
+    return _Together(values, cells[0].has_friction, cells[0].has_isotropic_stress)
 
 
 def _column(values: Sequence[float]) -> Any:
@@ -207,7 +211,8 @@ def linearizations(
 
 def _terms(p: Any) -> tuple[Hashable, ...]:
     """What decides which terms the linear problem of a cell has."""
-    return p.beta == 0, p.kappa == 0, p.has_friction, p.gamma_share, p.c0
+    none = p.beta == 0, p.kappa == 0
+    return *none, p.has_friction, p.has_isotropic_stress, p.gamma_share, p.c0
 
 
 def degree_for(state: SteadySolution) -> int:
@@ -252,9 +257,10 @@ def highest_growing_of(cells: Sequence[Parameters]) -> list[int]:
             name: np.array([[getattr(cells[k], name)] for k in group]) for name in DIMENSIONS
         }
         with np.errstate(all="ignore"):  # what is not finite is rejected
-            rates = finite_pressure_rates(replace(points(cells[group[0]]), **values), l)[
-                ..., 0
-            ].real
-        for k, growing in zip(group, rates > 0, strict=True):
+            of_modes = finite_pressure_matrix(replace(points(cells[group[0]]), **values), l)
+        a, b, c, d = np.moveaxis(of_modes.reshape(*of_modes.shape[:-2], 4), -1, 0)
+        # one of two eigenvalues has a positive real part
+        grows = (a + d > 0) | (a * d < b * c)
+        for k, growing in zip(group, grows, strict=True):
             found[k] = int(l[growing][-1]) if growing.any() else 0
     return found

@@ -7,7 +7,7 @@ start, and where the parameter reaches zero.
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -16,7 +16,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.onset import branch_tangent, onsets
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
-from amoeboid.axisymmetric.steady import SteadySolution, homogeneous_unknowns
+from amoeboid.axisymmetric.steady import SteadySolution
 from amoeboid.axisymmetric.unknowns import mode_count, resampled, split
 from amoeboid.axisymmetric.window import NOTHING, Window
 from amoeboid.model.parameters import Parameters
@@ -39,8 +39,8 @@ SAME = 1e-6
 MAX_DEGREE = 12
 """Highest mode of the sphere that is tried where a branch reaches the sphere."""
 
-MAX_COARSE_STEP = 1.5
-"""Longest step outside the window."""
+FIRST_COARSE_STEP, MAX_COARSE_STEP = 0.05, 1.5
+"""First step outside the window, unless the one before was longer, and the longest one."""
 
 FINER, MAX_FINER = 8.0, 600.0
 """Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
@@ -65,15 +65,25 @@ def steady_state_at(p: Parameters, name: str, point: Point) -> SteadySolution:
     return SteadySolution(at, modes_of(point), point.x, True, ())
 
 
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What distinguishes a point from the sphere, and its front from its rear."""
+
+    point: Point
+    deviation: Array
+    asymmetry: Array
+
+
 @dataclass
 class Path:
     """The arcs of a branch from `start` on, as an iterable that can be used once.
 
     Steps outside the `window`, if there is one, are coarse; where the branch enters it, there is a
-    point on the edge. After the last arc, `end` names how the branch ended (empty if max_points did
-    not suffice) and `threshold` is the value of the parameter if it ended at the sphere. `last` is
-    the end of the latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the
-    arc that leads to it.
+    point on the edge. The path also ends with the first point that is `enough`, resolved or not.
+    After the last arc, `end` names how the branch ended (empty if max_points did not suffice) and
+    `threshold` is the value of the parameter if it ended at the sphere. `last` is the end of the
+    latest arc. Raises Stalled; if a point cannot be resolved, `unresolved` is the arc that leads to
+    it.
     """
 
     p: Parameters
@@ -83,13 +93,15 @@ class Path:
     watch: Watch = unwatched
     task: str = "branch"
     window: Window | None = None
+    enough: Callable[[Point], bool] = lambda point: False
     end: str = ""
     threshold: float | None = None
     last: Point | None = None
     unresolved: Arc | None = None
     count: int = field(default=0, init=False)
     _finer: float = field(default=1.0, init=False)
-    _deviations: list[tuple[Point, Array]] = field(default_factory=list, init=False, repr=False)
+    _taken: float = field(default=0.0, init=False, repr=False)
+    _seen: list[_Seen] = field(default_factory=list, init=False, repr=False)
 
     def __iter__(self) -> Iterator[Arc]:
         here: Point | None = self.start
@@ -102,7 +114,12 @@ class Path:
         options = (
             self.options
             if inside
-            else replace(self.options, first_step=0.05, max_step=MAX_COARSE_STEP, angle=0.2)
+            else replace(
+                self.options,
+                first_step=max(FIRST_COARSE_STEP, self._taken),
+                max_step=MAX_COARSE_STEP,
+                angle=0.2,
+            )
         )
         if self._finer > 1.0:
             longest = options.max_step / self._finer
@@ -133,7 +150,7 @@ class Path:
                         f"{point.parameter:.10g}; the exact location was not found"
                     )
                 return anchor
-            self.last = arcs[-1].b
+            self.last, self._taken = arcs[-1].b, point.length - anchor.length
             for arc in arcs:
                 edge = None if inside else self._entry(arc)
                 if edge is not None:
@@ -152,7 +169,7 @@ class Path:
         """The points that can be resolved."""
         anchor = before = start
         try:
-            for point in follow(start, options):
+            for point in follow(start, options, self.enough):
                 yield point
                 before = point
                 anchor = anchor if point.fold else point
@@ -174,11 +191,9 @@ class Path:
 
         A branch that ends there continues as its mirror image; a step may jump over that point.
         """
-        pairs = (
-            (self._deviation(anchor), self._deviation(point)),
-            (asymmetry(anchor), asymmetry(point)),
-        )
-        return any(np.any(a) and not np.any(b) for a, b in pairs)
+        a, b = self._look(anchor), self._look(point)
+        pairs = (a.deviation, b.deviation), (a.asymmetry, b.asymmetry)
+        return any(before.any() and not after.any() for before, after in pairs)
 
     def _ended(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
         """The arcs from `anchor` to `point`, cut where the branch ends; sets `end`.
@@ -186,10 +201,11 @@ class Path:
         Empty where the step was too long to tell what it has met: the branch passes through the
         sphere and none from there leads back to `anchor`, or through zero, where it has no state.
         """
-        if _reversed(self._deviation(anchor), self._deviation(point)):
+        before, after = self._look(anchor), self._look(point)
+        if _reversed(before.deviation, after.deviation):
             self.end = SPHERE
             return self._to_sphere(anchor, point, pending)
-        if _reversed(asymmetry(anchor), asymmetry(point)):
+        if _reversed(before.asymmetry, after.asymmetry):
             self.end = SYMMETRIC
             return self._to_symmetry(anchor, point, pending)
         if point.parameter <= 0:
@@ -218,21 +234,23 @@ class Path:
                 return [*pending[:k], Arc(arc.anchor, arc.a, replace(end, parameter=0.0))]
         return []
 
-    def _deviation(self, point: Point) -> Array:
-        """The scaled difference of shape, flow and concentration from the sphere, kept for two."""
-        for known, deviation in self._deviations:
-            if known is point:
-                return deviation
-        self._deviations = [*self._deviations[-1:], (point, self._difference(point))]
-        return self._deviations[-1][1]
+    def _look(self, point: Point) -> _Seen:
+        """What is seen of a point, kept for two."""
+        for known in self._seen:
+            if known.point is point:
+                return known
+        self._seen = [*self._seen[-1:], _Seen(point, self._deviation(point), asymmetry(point))]
+        return self._seen[-1]
 
-    def _difference(self, point: Point) -> Array:
+    def _deviation(self, point: Point) -> Array:
+        """The scaled difference of shape, flow and concentration from those of the sphere."""
         at = point.system.point(np.array([point.parameter]))  # type: ignore[attr-defined]
-        difference = point.x - homogeneous_unknowns(at, modes_of(point))
-        scaled = difference * np.sqrt(point.system.weights)
-        if np.linalg.norm(scaled) <= NOTHING:
-            scaled = np.zeros_like(scaled)
-        psi, u, c, _ = split(scaled, modes_of(point))
+        difference = point.x.copy()
+        psi, u, c, _ = split(difference, modes_of(point))
+        c[0] -= at.c0
+        difference *= np.sqrt(point.system.weights)
+        if np.linalg.norm(difference) <= NOTHING:
+            difference[:] = 0.0
         return _padded(psi, u, c)
 
     def _to_sphere(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:

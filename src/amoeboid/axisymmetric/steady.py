@@ -30,7 +30,7 @@ from amoeboid.axisymmetric.force_balance import (
     with_cue,
 )
 from amoeboid.axisymmetric.shape import Shape, shape
-from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis
+from amoeboid.axisymmetric.spectral import even_basis, grid, odd_basis, resized
 from amoeboid.axisymmetric.unknowns import (
     FIELDS,
     Fields,
@@ -379,12 +379,8 @@ class SteadySolution(Measured):
 
         From k = 1 on; the mean is that of z at the two poles, over ds/dx.
         """
-        fine = grid(2 * self.n)
-        psi = fields_of(resampled(self.x, self.n, fine.n), fine.n).psi
-        k = np.arange(1, fine.n + 1)
-        runs = np.append((fine.to_even @ np.cos(psi))[1:], 0.0) / k
-        rises = (fine.to_odd @ np.sin(psi)) / k
-        return runs, rises, float(np.sum(rises[1::2]))
+        runs, rises, middle = meridian_of(self.x, self.n)
+        return runs, rises, float(middle)
 
     def position(self, x: Array) -> tuple[Array, Array]:
         """(r, z) of the meridian at scaled arclengths x; its ends lie at opposite z [length]."""
@@ -397,6 +393,16 @@ class SteadySolution(Measured):
     def outline(self, count: int = 400) -> tuple[Array, Array]:
         """(r, z) of the meridian at `count` points from the pole x = 0 to the pole x = pi."""
         return self.position(np.linspace(0.0, np.pi, count))
+
+
+def meridian_of(x: Array, n: int) -> tuple[Array, Array, Array]:
+    """`SteadySolution.meridian` of the vectors of unknowns (..., 3 n + 3) of n modes."""
+    fine = grid(2 * n)
+    psi = fine.x + (fine.odd_values[:, : n - 1] @ x[..., : n - 1, None])[..., 0]
+    k = np.arange(1, fine.n + 1)
+    runs = (fine.to_even @ np.cos(psi)[..., None])[..., 1:, 0]
+    rises = (fine.to_odd @ np.sin(psi)[..., None])[..., 0] / k
+    return resized(runs, fine.n) / k, rises, np.sum(rises[..., 1::2], axis=-1)
 
 
 def unknowns_in_units(x: Array, n: int, units: Units) -> Array:

@@ -24,59 +24,58 @@ def slopes_of_H(
     return kappa_1_s + kappa_2_s, kappa_1_ss + kappa_2_ss
 
 
-def drag_stiffness(p: Any, base: Any, trial: Any) -> Array:
-    """Power that friction takes up for every pair of trial velocities of the cortex."""
-    m = base.measure * friction.density(base.c, p)
-    along, across = m * (p.gamma_t + p.gamma_c), m * (p.gamma_n + p.gamma_c)
-    tangent = trial.a.T @ (along * trial.a) + trial.b.T @ (along * trial.b)
-    return np.asarray(tangent + trial.w.T @ (across * trial.w))
+def drag_stiffness(p: Any, base: Any, along: Any, across: Any) -> tuple[Array, Array]:
+    """Power that friction takes up for every pair of velocities along the surface, and across."""
+    m, f = base.measure * friction.density(base.c, p), across.values
+    drag = m * (p.gamma_t + p.gamma_c)
+    tangential = along.a.T @ (drag * along.a) + along.b.T @ (drag * along.b)
+    return tangential, f.T @ (m * (p.gamma_n + p.gamma_c) * f)
 
 
-def drag_loads(p: Any, base: Any, trial: Any, fields: Any) -> tuple[Array, Array]:
-    """Virtual powers of the change of the drag by every harmonic of h, and of c'."""
+def drag_loads(p: Any, base: Any, along: Any, across: Any) -> tuple[Array, Array]:
+    """Virtual powers of the change of the drag along the surface, and across.
+
+    One column for every harmonic of h, then one for every harmonic of c'.
+    """
     m, slope = friction.density(base.c, p), p.gamma_share / (p.c0 or p.c_r)
-    h, h_s, H = fields.values, fields.slopes, base.kappa_1 + base.kappa_2
+    h, h_s = across.values, across.slopes
     # the velocity relative to the surroundings
     tangent = base.U - base.sin_psi * base.cell_velocity
     v_n = base.cos_psi * base.cell_velocity
-    along, across = friction.drag(tangent, v_n, base.W + v_n, base.c, p)
+    drag, lift = friction.drag(tangent, v_n, base.W + v_n, base.c, p)
     # v_p and the drag along the normal follow the normal
     anisotropy = m * (p.gamma_n - p.gamma_t)
     leaning = base.measure * (anisotropy * v_n - m * p.gamma_t * base.W)
-    area = base.measure * H
-    by_shape = (
-        trial.a.T @ (area * along * h + leaning * h_s)
-        + trial.b.T @ (leaning * fields.wave * h)
-        + trial.w.T @ (area * across * h + base.measure * anisotropy * tangent * h_s)
-    )
+    area = base.measure * base.H
     thicker = base.measure * slope / m
     faster = base.measure * m * p.gamma_n * base.slope
-    by_concentration = trial.a.T @ (thicker * along * h) + trial.w.T @ (
-        (thicker * across - faster) * h
+    tangential = (
+        along.a.T @ (area * drag * h + leaning * h_s) + along.b.T @ (leaning * across.around),
+        along.a.T @ (thicker * drag * h),
     )
-    return by_shape, by_concentration
+    normal = (
+        h.T @ (area * lift * h + base.measure * anisotropy * tangent * h_s),
+        h.T @ ((thicker * lift - faster) * h),
+    )
+    return np.concatenate(tangential, axis=-1), np.concatenate(normal, axis=-1)
 
 
-def bending_load(p: Any, base: Any, trial: Any, fields: Any) -> Array:
-    """Virtual power of the change of kappa [lap_s H + H (H^2/2 - 2 K)] n by every harmonic of h."""
-    k1, k2, cot = base.kappa_1, base.kappa_2, base.cos_psi / base.r
-    h, h_s, spread = fields.values, fields.slopes, fields.spreads
-    H, K, H_s = k1 + k2, k1 * k2, base.H_s
+def bending_load(p: Any, base: Any, along: Any, across: Any) -> tuple[Array, Array]:
+    """Virtual power of the change of kappa [lap_s H + H (H^2/2 - 2 K)] n by every harmonic of h.
+
+    Of velocities along the surface, and across.
+    """
+    k1, k2, cot = base.kappa_1, base.kappa_2, base.cot
+    h, h_s, spread = across.values, across.slopes, across.spreads
+    H, K, H_s, measure = base.H, k1 * k2, base.H_s, p.kappa * base.measure
     force = base.H_ss + cot * H_s + H * (k1 - k2) ** 2 / 2
     H_change = -spread - (k1**2 + k2**2) * h
-    h_22 = cot * h_s - fields.wave**2 * h
+    h_22 = cot * h_s - across.wave**2 * h
     K_change = -(H * K * h + k2 * (spread - h_22) + k1 * h_22)
     # that of the Laplacian on the surface itself
     carried = (H - 2 * k1) * h_s * H_s - h * H_s**2 - 2 * h * (k1 * base.H_ss + k2 * cot * H_s)
     change = carried + (H**2 / 2 - 2 * K) * H_change + H * (H * H_change - 2 * K_change)
-    w_spread = np.zeros((*spread.shape[:-1], trial.w.shape[-1]))  # 0 in the first columns, as w
-    w_spread[..., -spread.shape[-1] :] = spread
-    return np.asarray(
-        p.kappa
-        * (
-            w_spread.swapaxes(-1, -2) @ (base.measure * H_change)
-            + trial.w.T @ (base.measure * (change + force * H * h))
-            - trial.a.T @ (base.measure * force * h_s)
-            - trial.b.T @ (base.measure * force * fields.wave * h)
-        )
-    )
+    leaning = measure * force
+    tangential = along.a.T @ (leaning * h_s) + along.b.T @ (leaning * across.around)
+    normal = spread.swapaxes(-1, -2) @ (measure * H_change)
+    return -tangential, normal + h.T @ (measure * (change + force * H * h))

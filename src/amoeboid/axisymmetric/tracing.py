@@ -117,12 +117,14 @@ class Tracer:
         return self._branch(pieces, origins, walk, start.parameter)
 
     def _walk(self, start: Point, with_start: bool) -> _Walk:
-        path = Path(self.p, self.name, start, self.options, self.watch, "branch", self.window)
+        left = _Left(self.name, self.window, start.parameter)
+        path = Path(
+            self.p, self.name, start, self.options, self.watch, "branch", self.window, left.far
+        )
         pieces: list[list[Point]] = []
         connected = False
         problems: list[str] = []
         lowest = highest = start.parameter
-        left = _Left(self.name, self.window, start.parameter)
         try:
             for arc in path:
                 overlap = self.window.overlap(arc)
@@ -236,6 +238,10 @@ class _Left:
         self.already = beyond
         if beyond and modes_of(point) > MAX_RISING_MODES:
             return True
+        return self.far(point)
+
+    def far(self, point: Point) -> bool:
+        """Whether the point is so far outside that the branch need not be followed on."""
         return self.beyond(point, MAX_EXCURSION.get(self.name, 2.0))
 
     def beyond(self, point: Point, factor: float) -> bool:

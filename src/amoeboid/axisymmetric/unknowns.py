@@ -54,25 +54,26 @@ def fields_of(x: Array, n: int) -> Fields:
 
 def fields_by_name(x: Array, n: int, points: int | None = None) -> dict[str, Array]:
     """The same by their names, at the points of the grid of n modes or of another one."""
-    to, without = _evaluation(n, points or n)
-    if x.dtype.kind == "c":  # two columns cost less than a complex matrix
-        pairs = to @ np.ascontiguousarray(x).view(float).reshape(-1, 2)
-        values = pairs.view(complex)[:, 0] + without
-    else:
-        values = to @ x + without
-    return dict(zip(FIELDS, (*values.reshape(4, -1), *x[3 * n - 1 :, None]), strict=True))
+    angles, odd, even, without = _evaluation(n, points or n)
+    psi, u, c, scalars = split(x, n)
+    values = np.empty((4, without.shape[1]), x.dtype)
+    for found, matrix, series in (
+        (values[:2], angles, psi),
+        (values[2], odd, u),
+        (values[3], even, c),
+    ):
+        np.matmul(matrix, series, found.reshape(-1))
+    values[:2] += without
+    return dict(zip(FIELDS, (*values, *scalars[:, None]), strict=True))
 
 
 @lru_cache(maxsize=32)
-def _evaluation(n: int, points: int) -> tuple[Array, Array]:
-    """The matrix from the unknowns to psi, psi_slope, u, c at the points, and what it adds to."""
+def _evaluation(n: int, points: int) -> tuple[Array, Array, Array, Array]:
+    """The matrices from the unknowns to psi and its slope, u, c; what the first two add to."""
     maps = maps_of(n, points)
-    to, without = np.zeros((4 * points, unknown_count(n))), np.zeros((4, points))
-    for k, name in enumerate(FIELDS[:4]):
-        first, matrix = maps[name]
-        to[k * points : (k + 1) * points, first : first + matrix.shape[1]] = matrix
-    without[0], without[1] = grid(points).x, 1.0
-    return to, without.ravel()
+    matrices = [np.ascontiguousarray(maps[name][1]) for name in FIELDS[:4]]
+    without = np.array([grid(points).x, np.ones(points)])
+    return np.concatenate(matrices[:2]), matrices[2], matrices[3], without
 
 
 def maps_of(n: int, points: int | None = None) -> dict[str, tuple[int, Array]]:

@@ -84,14 +84,16 @@ def _refuse_unknown_command(parser: argparse.ArgumentParser, words: Sequence[str
 
 
 def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
-    """Knows all commands, and the options of those that are named."""
+    """Knows the command that comes first, with its options; or else all commands."""
     parser = _Parser(
         prog="amoeboid",
         description="Cells that polarize and migrate by actin polymerization, without myosin.",
     )
     parser.add_argument("--version", action=_Version)
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, summary in COMMANDS.items():
+    first = words[0] if words else ""
+    for name in [first] if first in COMMANDS else COMMANDS:  # the others would take milliseconds
+        summary = COMMANDS[name]
         command = commands.add_parser(
             name,
             help=summary,

@@ -180,7 +180,7 @@ def held_pressure(p: Points, L: ArrayLike) -> Array:
 def degree(l: ArrayLike, lowest: int = 1) -> Array:
     """L = l(l+1) of whole numbers l >= `lowest` [1]. Raises InvalidInput for others."""
     given = np.asarray(l)
-    good = given.dtype.kind in "iu" and bool(np.all(given >= lowest))
+    good = given.dtype.kind in "iu" and bool((given >= lowest).all())
     if not good:
         raise InvalidInput(f"l must be a whole number >= {lowest}, got {l!r}")
     return given.astype(float) * (given + 1)

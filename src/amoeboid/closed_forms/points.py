@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
-from functools import wraps
+from functools import cached_property, wraps
 from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, all_finite
 from amoeboid.model.material import Material
 from amoeboid.model.parameters import DIMENSIONS, RELATIONS, Parameters
 from amoeboid.model.polymerization import Law
@@ -57,6 +57,18 @@ class Points(Material):
     def shape(self) -> tuple[int, ...]:
         """The common shape of all parameters."""
         return np.broadcast_shapes(*map(np.shape, self.columns().values()))
+
+    @cached_property
+    def _speeds(self) -> dict[int, tuple[Array, ...]]:
+        return {}
+
+    def v_p_derivatives(self, c: ArrayLike, order: int = 3) -> tuple[Array, ...]:
+        """See Material; at c0 of a single point they are kept: every closed form asks for them."""
+        if c is not self.c0 or np.ndim(c) or np.ndim(self.v_p0):
+            return super().v_p_derivatives(c, order)
+        if order not in self._speeds:
+            self._speeds[order] = super().v_p_derivatives(c, order)
+        return self._speeds[order]
 
     def at_speed(self, v_p0: ArrayLike) -> Points:
         """The same points with another polymerization speed scale [L/T]."""
@@ -184,7 +196,7 @@ def _refuse_overflow(name: str, result: Any) -> None:
     if is_dataclass(result):
         for f in fields(result):
             _refuse_overflow(f"{name}: {f.name}", getattr(result, f.name))
-    elif not np.all(np.isfinite(result)):
+    elif not all_finite(result):
         raise InvalidInput(
             f"{name} exceeds double precision at these parameters; use units in which the "
             "parameters are nearer to 1"

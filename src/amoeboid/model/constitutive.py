@@ -18,7 +18,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, all_finite
 from amoeboid.numerics.taylor import Taylor
 from amoeboid.numerics.traced import Traced
 from amoeboid.validation import InvalidInput
@@ -193,7 +193,7 @@ class Relation(ABC):
         Raises InvalidInput if it is none, or not finite.
         """
         value = np.asarray(found)
-        if real and value.dtype == float and value.shape == shape and np.isfinite(value).all():
+        if real and value.dtype == float and value.shape == shape and all_finite(value):
             return value
         if value.dtype.kind in "bui":
             value = value.astype(float)

@@ -16,7 +16,7 @@ from amoeboid.arrays import Array
 from amoeboid.model.constitutive import Relation
 from amoeboid.model.parameters import DIMENSIONS, ParameterPoint, Parameters
 from amoeboid.model.polymerization import Law
-from amoeboid.model.stress import Stress
+from amoeboid.model.stress import NoStress, Stress
 from amoeboid.model.units import Units
 
 
@@ -96,7 +96,8 @@ def in_units(p: Parameters, units: Units) -> Parameters:
 def point_in_units(p: Parameters, units: Units) -> ParameterPoint:
     """The same as plain numbers, unchecked."""
     values = {name: getattr(p, name) / units.of(unit) for name, unit in DIMENSIONS.items()}
-    law, stress = MeasuredLaw(p.law, units), MeasuredStress(p.stress, units)
+    none = isinstance(p.stress, NoStress)  # which is the same in any units
+    law, stress = MeasuredLaw(p.law, units), p.stress if none else MeasuredStress(p.stress, units)
     return ParameterPoint(values | {"law": law, "stress": stress})
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq
@@ -25,6 +24,8 @@ from amoeboid.numerics.branch_points import (
     at_distance,
     at_parameter,
     carried,
+    cubic,
+    interpolated,
     slope,
     slope_row,
     with_tangent,
@@ -155,7 +156,7 @@ def _solution(arc: Arc, value: float, options: Options) -> Point | None:
     """
     row = slope_row(arc.anchor, options)
     share = _share(arc, arc.a, arc.b, value, row)
-    guess = _interpolated(arc, arc.a, arc.b, share, row)[:-1]
+    guess = interpolated(arc.a, arc.b, share, row, _width(arc, arc.a, arc.b))[:-1]
     nearest = min(_norm(arc.a, guess - end.x) for end in (arc.a, arc.b))
     x = at_parameter(arc.a.system, guess, value) if nearest > 0 else None
     if x is None or _norm(arc.a, x - guess) > NEAR * nearest:
@@ -223,15 +224,6 @@ def _width(arc: Arc, low: Point, high: Point) -> float:
     return arc.from_anchor(high) - arc.from_anchor(low)
 
 
-def _hermite(f: Any, df: Any, g: Any, dg: Any, t: float) -> Any:
-    return (
-        (1 + 2 * t) * (1 - t) ** 2 * f
-        + t * (1 - t) ** 2 * df
-        + t * t * (3 - 2 * t) * g
-        - t * t * (1 - t) * dg
-    )
-
-
 def _share(arc: Arc, low: Point, high: Point, value: float, row: Array) -> float:
     """Where between the ends the interpolating cubic takes the value."""
     width = _width(arc, low, high)
@@ -239,28 +231,16 @@ def _share(arc: Arc, low: Point, high: Point, value: float, row: Array) -> float
     data = low.parameter, slopes[0], high.parameter, slopes[1]
     if not np.all(np.isfinite(data)):
         return 0.5
-    share = brentq(lambda t: _hermite(*data, t) - value, 0.0, 1.0, xtol=1e-16, rtol=1e-14)
+    share = brentq(lambda t: cubic(*data, t) - value, 0.0, 1.0, xtol=1e-16, rtol=1e-14)
     return float(np.clip(share, 1e-9, 1 - 1e-9))
-
-
-def _interpolated(arc: Arc, low: Point, high: Point, share: float, row: Array) -> Array:
-    """(x, parameter) at a share of the distance between two points, from the cubic."""
-    width = _width(arc, low, high)
-
-    def tangent(q: Point) -> Array:
-        full = np.append(q.x_tangent, q.parameter_tangent)
-        return full * (width / (row @ full))
-
-    ends = [np.append(q.x, q.parameter) for q in (low, high)]
-    return np.asarray(_hermite(ends[0], tangent(low), ends[1], tangent(high), share))
 
 
 def _between(
     arc: Arc, low: Point, high: Point, share: float, row: Array, options: Options
 ) -> Point | None:
     """The point of the branch at a share of the distance between two others; None if it fails."""
-    guess = _interpolated(arc, low, high, share, row)
     width = _width(arc, low, high)
+    guess = interpolated(low, high, share, row, width)
     away = arc.from_anchor(low) + share * width
     found = at_distance(arc.anchor, away, options, guess)
     if found is None:

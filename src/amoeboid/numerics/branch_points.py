@@ -100,9 +100,16 @@ class Unresolved(Stalled):
         self.point = point
 
 
+def joined(x: Array, parameter: Any) -> Array:
+    """(x, parameter) as one vector."""
+    y = np.empty(x.size + 1, x.dtype)
+    y[:-1], y[-1] = x, parameter
+    return y
+
+
 def slope_row(anchor: Point, options: Options) -> Array:
     """The functional that measures distance along the tangent at `anchor`."""
-    return np.append(
+    return joined(
         anchor.system.weights * anchor.x_tangent,
         anchor.parameter_tangent / options.parameter_scale**2,
     )
@@ -110,8 +117,32 @@ def slope_row(anchor: Point, options: Options) -> Array:
 
 def slope(point: Point, row: Array) -> float:
     """d(parameter)/d(distance) at a point, distances along the tangent that `row` stands for."""
-    along = row @ np.append(point.x_tangent, point.parameter_tangent)
+    along = row @ joined(point.x_tangent, point.parameter_tangent)
     return float(point.parameter_tangent / along)
+
+
+def cubic(f: Any, df: Any, g: Any, dg: Any, t: float) -> Any:
+    """The cubic with the values f at t = 0 and g at t = 1, and the slopes df and dg."""
+    return (
+        (1 + 2 * t) * (1 - t) ** 2 * f
+        + t * (1 - t) ** 2 * df
+        + t * t * (3 - 2 * t) * g
+        - t * t * (1 - t) * dg
+    )
+
+
+def interpolated(low: Point, high: Point, share: float, row: Array, width: float) -> Array:
+    """(x, parameter) at a share of the distance `width` between two points, from the cubic.
+
+    Distances are along the tangent that `row` stands for.
+    """
+
+    def tangent(q: Point) -> Array:
+        full = joined(q.x_tangent, q.parameter_tangent)
+        return full * (width / (row @ full))
+
+    ends = [joined(q.x, q.parameter) for q in (low, high)]
+    return np.asarray(cubic(ends[0], tangent(low), ends[1], tangent(high), share))
 
 
 def size_of(point: Point) -> float:
@@ -121,7 +152,7 @@ def size_of(point: Point) -> float:
 
 def inner(system: System, a: Array, b: Array) -> float:
     """<a, b>, without the parameter."""
-    return float(np.sum(system.weights * a * b))
+    return float((system.weights * a) @ b)
 
 
 def at_distance(
@@ -133,11 +164,11 @@ def at_distance(
     """
     system, n = start.system, start.x.size
     row = slope_row(start, options)
-    origin = _full(start.x, start.parameter)
-    tangent = _full(start.x_tangent, start.parameter_tangent)
+    origin = joined(start.x, start.parameter)
+    tangent = joined(start.x_tangent, start.parameter_tangent)
 
     def residual(y: Array) -> Array:
-        return _full(system.residual(y[:n], y[n:]), row @ (y - origin) - distance)
+        return joined(system.residual(y[:n], y[n:]), row @ (y - origin) - distance)
 
     def jacobian(y: Array) -> tuple[Array, Array]:
         return residual_and_bordered(system, y, row, row @ (y - origin) - distance)
@@ -146,7 +177,7 @@ def at_distance(
         residual,
         jacobian,
         origin + distance * tangent if guess is None else guess,
-        scale=_full(system.scale, options.parameter_scale),
+        scale=joined(system.scale, options.parameter_scale),
         step_tolerance=1e-7,
         max_iterations=8,
     )
@@ -157,13 +188,6 @@ def at_distance(
     return with_tangent(point, row, options, found.jacobian)
 
 
-def _full(x: Array, parameter: Any) -> Array:
-    """(x, parameter) as one vector."""
-    y = np.empty(x.size + 1, x.dtype)
-    y[:-1], y[-1] = x, parameter
-    return y
-
-
 def residual_and_bordered(system: System, y: Array, row: Array, last: float) -> tuple[Array, Array]:
     """Residual and Jacobian of F(x, q) = 0 together with one linear condition on y = (x, q)."""
     n = y.size - 1
@@ -172,7 +196,7 @@ def residual_and_bordered(system: System, y: Array, row: Array, last: float) -> 
     matrix[:n, :n] = f_x
     matrix[:n, n] = parameter_derivative(system, y[:n], y[n:])
     matrix[n] = row
-    return _full(f, last), matrix
+    return joined(f, last), matrix
 
 
 def with_tangent(
@@ -185,9 +209,9 @@ def with_tangent(
     tangent = _refined_tangent(point, row, near) if near is not None else None
     if tangent is None:
         try:
-            y = _full(point.x, point.parameter)
+            y = joined(point.x, point.parameter)
             _, matrix = residual_and_bordered(point.system, y, row, 0.0)
-            tangent = solve(matrix, _full(np.zeros(point.x.size), 1.0))
+            tangent = solve(matrix, joined(np.zeros(point.x.size), 1.0))
         except (LinAlgError, InvalidInput):
             return None
     x_tangent, direction = tangent[:-1], float(tangent[-1])
@@ -204,7 +228,7 @@ def _refined_tangent(point: Point, row: Array, near: Factor) -> Array | None:
     where the refinement does not converge fast.
     """
     n = point.x.size
-    right = _full(np.zeros(n), 1.0)
+    right = joined(np.zeros(n), 1.0)
     tangent = near.solve(right)
     change = 1.0
     for _ in range(MAX_REFINEMENTS):
@@ -212,7 +236,7 @@ def _refined_tangent(point: Point, row: Array, near: Factor) -> Array | None:
             along = _along(point, tangent)
         except InvalidInput:
             return None
-        correction = near.solve(right - _full(along, row @ tangent))
+        correction = near.solve(right - joined(along, row @ tangent))
         tangent = tangent + correction
         before, change = change, float(np.linalg.norm(correction) / np.linalg.norm(tangent))
         if not change < 0.1 * before:  # nan included

@@ -5,7 +5,8 @@ See `branch_points` for the length of a step, and sources.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from itertools import pairwise
 
@@ -19,6 +20,7 @@ from amoeboid.numerics.branch_points import (
     adapted,
     at_distance,
     inner,
+    joined,
     size_of,
     slope,
     slope_row,
@@ -29,20 +31,26 @@ MAX_EXTRAPOLATION = 3.0
 """Ratio of the next step to the last one up to which the cubic through both points guesses it."""
 
 
-def follow(start: Point, options: Options) -> Iterator[Point]:
+def follow(
+    start: Point, options: Options, enough: Callable[[Point], bool] = lambda point: False
+) -> Iterator[Point]:
     """The points of a branch after `start`, located folds among them, along its tangent.
 
-    Ends after `max_points`; raises Stalled if the smallest step fails. Stop it by not asking on.
+    Ends after `max_points`, or with the first point that is `enough`, resolved or not; raises
+    Stalled if the smallest step fails. Stop it by not asking on.
     """
     here, step, size = start, options.first_step, size_of(start)
     before: Point | None = None
     for _ in range(options.max_points):
         there, taken = _next(here, step, options, before)
         yield from _folds(here, there, options)
+        if enough(there):
+            yield there
+            return
         turn = _turn(here, there, options)
         before, here = here, adapted(there, options)
         yield here
-        step = taken * float(np.clip(options.angle / max(turn, 1e-3), 0.5, 1.6))
+        step = taken * min(max(options.angle / max(turn, 1e-3), 0.5), 1.6)
         longest = options.max_step * max(1.0, size_of(here) / size)
         step = min(max(step, options.min_step), longest)
 
@@ -68,8 +76,8 @@ def _extrapolated(before: Point | None, here: Point, step: float, options: Optio
     if before is None or before.x.size != here.x.size:
         return None
     row = slope_row(here, options)
-    old, new = (np.append(q.x, q.parameter) for q in (before, here))
-    slopes = [np.append(q.x_tangent, q.parameter_tangent) for q in (before, here)]
+    old, new = (joined(q.x, q.parameter) for q in (before, here))
+    slopes = [joined(q.x_tangent, q.parameter_tangent) for q in (before, here)]
     width = row @ (new - old)
     along = row @ slopes[0]
     if not (width > step / MAX_EXTRAPOLATION and along > 0):
@@ -126,7 +134,7 @@ def _turn(a: Point, b: Point, options: Options) -> float:
     cosine = inner(a.system, a.x_tangent, b.x_tangent) + (
         a.parameter_tangent * b.parameter_tangent / options.parameter_scale**2
     )
-    return float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 def _bend(a: Point, b: Point, options: Options) -> float:
@@ -136,10 +144,10 @@ def _bend(a: Point, b: Point, options: Options) -> float:
     another branch.
     """
     x, parameter = b.x - a.x, (b.parameter - a.parameter) / options.parameter_scale**2
-    length = np.sqrt(
+    length = math.sqrt(
         inner(a.system, x, x) + ((b.parameter - a.parameter) / options.parameter_scale) ** 2
     )
     cosines = [
         (inner(a.system, x, q.x_tangent) + parameter * q.parameter_tangent) / length for q in (a, b)
     ]
-    return max(_turn(a, b, options), float(np.arccos(np.clip(min(cosines), -1.0, 1.0))))
+    return max(_turn(a, b, options), math.acos(min(max(min(cosines), -1.0), 1.0)))

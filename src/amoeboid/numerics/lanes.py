@@ -25,10 +25,10 @@ def rows_of(program: Program, inputs: Any, jnp: Any, barrier: Any) -> list[Any]:
     rows += [inputs[name] for name in program.inputs]
     begin = len(rows)
     given: dict[int, Any] = {}
-    relations = {relation.before: relation for relation in program.relations}
     for k, (code, a, b) in enumerate(program.steps.tolist()):
-        if k in relations:
-            relation = relations[k]
+        for relation in program.relations:
+            if relation.before != k:
+                continue
             found = inputs[relation.name](rows[relation.argument], len(relation.results) - 1)
             given |= dict(zip(relation.results, found, strict=True))
         if code == CODES["matmul"]:

@@ -11,7 +11,14 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from amoeboid.numerics.branch_points import Options, Point, Stalled, at_distance
+from amoeboid.numerics.branch_points import (
+    Options,
+    Point,
+    Stalled,
+    at_distance,
+    interpolated,
+    slope_row,
+)
 
 WIDTHS = (1e-5, 1e-4, 1e-3)
 """How far from a crossing of branches, in steps, the points lie that it is interpolated from."""
@@ -39,10 +46,12 @@ def located(
     begin, span = first.length - a.length, b.length - a.length
     known = {begin: (first, test(first)), span: (b, test(b))}
     missed: list[float] = []
+    row = slope_row(a, options)
 
     def at(distance: float) -> float:
         if distance not in known:
-            found = at_distance(a, distance, options)
+            guess = interpolated(a, b, distance / span, row, span)
+            found = at_distance(a, distance, options, guess) or at_distance(a, distance, options)
             value = np.nan if found is None else test(found)
             if found is None or np.isnan(value):
                 missed.append(distance)

@@ -236,7 +236,7 @@ CODES = {"neg": 0, "add": 1, "sub": 2, "mul": 3, "truediv": 4, "matmul": 5, "sin
 
 @dataclass(frozen=True, eq=False)
 class Relation:
-    """A function of a field that is called at `before` which step, and where its results go."""
+    """A function of a field, called at `before` which step it is known, and where results go."""
 
     before: int
     name: str
@@ -270,8 +270,9 @@ class Program:
             rows[k] = value
         done = 0
         for relation in self.relations:
-            run_steps(self.steps, self.matrices, rows, done, relation.before)
-            done = relation.before
+            if relation.before > done:
+                run_steps(self.steps, self.matrices, rows, done, relation.before)
+                done = relation.before
             found = inputs[relation.name](rows[relation.argument], len(relation.results) - 1)
             for k, value in zip(relation.results, found, strict=True):
                 rows[k] = value
@@ -298,15 +299,16 @@ def program(record: Record, wanted: Iterable[int], order: int, n: int) -> Progra
     row = {number: k for k, number in enumerate((*constants, *inputs, *steps))}
     matrices: dict[int, int] = {}
     table, relations = [], []
-    for place, number in enumerate(steps):
+    for number in steps:
         name, arguments = record.steps[number]
         if name == "matmul":
             first = matrices.setdefault(arguments[0], len(matrices))
             table.append((CODES[name], first, row[arguments[1]]))
         elif name == "relation":
             results = [record.step(which, number) for which in ("first", "second")[: order + 1]]
+            known = max(row[arguments[1]] + 1 - (len(row) - len(steps)), 0)
             relations.append(
-                Relation(place, record.steps[arguments[0]][1][0], row[arguments[1]],
+                Relation(known, record.steps[arguments[0]][1][0], row[arguments[1]],
                          tuple(row[k] for k in results))
             )  # fmt: skip
             table.append((CODES[name], 0, 0))
@@ -318,7 +320,8 @@ def program(record: Record, wanted: Iterable[int], order: int, n: int) -> Progra
         values[k] = record.constant_value(number)
     return Program(
         values, tuple(record.steps[k][1][0] for k in inputs), np.array(table),
-        transposed([record.array(k) for k in matrices], n), tuple(relations), row,
+        transposed([record.array(k) for k in matrices], n),
+        tuple(sorted(relations, key=lambda relation: relation.before)), row,
     )  # fmt: skip
 
 
