@@ -47,10 +47,11 @@ def theory_once(monkeypatch):
 
 @pytest.fixture
 def without_pictures(monkeypatch):
-    """Runs in this process write an empty picture of the cell: VTK would take seconds for each.
+    """Runs in this process write an empty picture of the cell, and start no process for it.
 
     test_drawing.py, test_output.py and test_units_on_pictures.py look at real ones.
     """
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter.__enter__", lambda self: self)
     monkeypatch.setattr(
-        "amoeboid.plotting.cell.save_cell_picture", lambda path, step: path.write_bytes(b"")
+        "amoeboid.plotting.cell.save_cell_picture", lambda path, *_: path.write_bytes(b"")
     )

@@ -14,7 +14,7 @@ from amoeboid.cli.main import main
 from amoeboid.config import Config, Mesh
 from amoeboid.meshes.connectivity import icosphere
 from amoeboid.model.parameters import Parameters
-from amoeboid.plotting import canvas, cell, cell_process
+from amoeboid.plotting import canvas, cell, cell_painter, cell_process
 from amoeboid.plotting.branches import write_states
 from amoeboid.plotting.palette import COLOR_MAP
 from amoeboid.plotting.trajectory import save_trajectory_picture
@@ -45,7 +45,7 @@ def test_a_cell_that_cannot_be_drawn_costs_the_picture_alone(
 ):
     drawn_by(code, tmp_path, monkeypatch)
     if "sleep" in code:
-        monkeypatch.setattr(cell, "MAX_DRAWING", 0.5)
+        monkeypatch.setattr(cell_painter, "MAX_DRAWING", 0.5)
     folder = tmp_path / "run"
     assert main(["run", *SHORT, "--json", "-o", str(folder)]) == 0
     out, err = capsys.readouterr()
@@ -62,7 +62,7 @@ def test_pictures_need_neither_a_screen_nor_a_graphics_library(tmp_path):
     code = """
 import sys
 import numpy as np
-import amoeboid.plotting.cell_process
+import amoeboid.plotting.cell_picture
 from amoeboid.plotting.canvas import Canvas
 Canvas(8, 8, np.eye(3), np.zeros(3), 1.0).image()
 print(*sys.modules)
@@ -94,7 +94,7 @@ def test_what_lies_in_front_covers_what_lies_behind(tmp_path):
     for height in (1.2, -1.2):
         picture = canvas.Canvas(200, 200, axes, np.zeros(3), 2.0)
         picture.surface(r, r, faces, np.zeros(len(r)))
-        picture.arrow(np.array([-0.5, 0.0, height]), np.array([1.0, 0.0, 0.0]), "#000000")
+        picture.arrows(np.array([[-0.5, 0.0, height]]), np.array([[1.0, 0.0, 0.0]]), "#000000")
         picture.save(tmp_path / "a.png")
         seen.append(imread(tmp_path / "a.png")[100, 100, :3].max())
     assert seen[0] < 0.1

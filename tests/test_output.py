@@ -62,6 +62,7 @@ def is_printed(value, printed):
 
 @pytest.fixture
 def without_pictures(monkeypatch):
+    monkeypatch.setattr("amoeboid.plotting.cell_painter.CellPainter.__enter__", lambda self: self)
     monkeypatch.setattr("amoeboid.plotting.cell.save_cell_picture", lambda *_: None)
 
 

@@ -75,7 +75,7 @@ def test_calls_in_several_threads_of_python_end_with_what_was_before(monkeypatch
             return Limit()
 
     one = _OneThread()
-    one._libraries = Libraries()
+    one._libraries = dict.fromkeys((False, True), Libraries())
     with one:
         thread = Thread(target=one.__enter__)
         thread.start()
@@ -83,3 +83,30 @@ def test_calls_in_several_threads_of_python_end_with_what_was_before(monkeypatch
     assert log == [1]
     one.__exit__()
     assert log == [1, "restored"]
+
+
+LATER = """
+import sys
+from threadpoolctl import threadpool_info
+from amoeboid.threads import one_thread
+
+def counts():
+    return [found["num_threads"] for found in threadpool_info() if found["user_api"] == "blas"]
+
+import numpy
+before = set(counts())
+with one_thread:
+    assert "scipy.linalg" not in sys.modules
+    print(set(counts()))
+    import scipy.linalg
+    with one_thread:
+        print(set(counts()))
+print(set(counts()) == before)
+"""
+
+
+@pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="the libraries have one thread anyway")
+def test_the_library_of_scipy_is_not_loaded_and_limited_once_it_is():
+    kept = {k: v for k, v in os.environ.items() if not k.endswith("_NUM_THREADS")}
+    done = subprocess.run([sys.executable, "-c", LATER], env=kept, capture_output=True, text=True)
+    assert done.stdout.split() == ["{1}", "{1}", "True"], done.stderr

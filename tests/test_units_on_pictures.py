@@ -9,7 +9,7 @@ from matplotlib.image import imread
 
 from amoeboid.config import Config, Initial, Mesh, Time
 from amoeboid.model.parameters import DIMENSIONS, Parameters
-from amoeboid.plotting import branches, cell, cell_process
+from amoeboid.plotting import branches, cell, cell_picture
 from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.trajectory import save_trajectory_picture
 from amoeboid.simulation.loop import evolve, start
@@ -88,9 +88,8 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
     written = []
     text = Canvas.text
     monkeypatch.setattr(Canvas, "text", lambda *given: (written.append(given[2]), text(*given))[1])
-    cell_process.draw(
-        str(tmp_path / "here.png"), {k: np.asarray(v) for k, v in cell.scene(last.cell).items()}
-    )
+    scene = {k: np.asarray(v) for k, v in cell.scene(last.cell).items()}
+    cell_picture.drawn(scene).save(tmp_path / "here.png")
     cell.save_cell_picture(tmp_path / "cell.png", last)
     assert "front" in written
     assert f"{0.5 * scale:g} [L]" in written
@@ -102,10 +101,10 @@ def test_the_picture_of_a_cell_has_scale_time_and_units(scale, monkeypatch, tmp_
 
 
 def test_a_point_at_shares_of_a_picture_is_seen_there():
-    axes = cell_process.seen_along(np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0]))
-    view = cell_process.View(axes, np.array([1.0, -2.0, 0.5]), 1.7, (0.0, 1.0), 1.0)
-    canvas = Canvas(*view.window, view.axes, view.middle, cell_process.HEIGHT * view.size)
-    place = canvas.place(cell_process._at(view, 0.03, 0.815))
+    axes = cell_picture.seen_along(np.array([0.0, 0.6, 0.8]), np.array([1.0, 0.0, 0.0]))
+    view = cell_picture.View(axes, np.array([1.0, -2.0, 0.5]), 1.7, (0.0, 1.0), 1.0)
+    canvas = Canvas(*view.window, view.axes, view.middle, cell_picture.HEIGHT * view.size)
+    place = canvas.place(cell_picture._at(view, 0.03, 0.815))
     np.testing.assert_allclose(place, canvas.share(0.03, 0.815), atol=1e-9 * view.window[0])
 
 

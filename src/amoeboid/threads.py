@@ -8,6 +8,7 @@ extra `surface` brings, the threads stay as they are.
 from __future__ import annotations
 
 import os
+import sys
 from contextlib import ContextDecorator
 from functools import cache
 from importlib.util import find_spec
@@ -24,38 +25,41 @@ def controllable() -> bool:
 
 
 class _OneThread(ContextDecorator):
-    """Limits the libraries when the first call in the program begins, until the last one ends."""
+    """Limits the libraries when the first call in the program begins, until the last one ends.
+
+    SciPy brings a library of its own, a quarter of a second to import: it is not loaded for this,
+    and limited from the first call on that finds it.
+    """
 
     def __init__(self) -> None:
         self._lock, self._count = Lock(), 0
-        self._libraries: Any = None
-        self._limit: Any = None
+        self._libraries: dict[bool, Any] = {}  # by whether that of SciPy is among them
+        self._limits: list[Any] = []
 
     def __enter__(self) -> None:
         with self._lock:
-            if self._count == 0 and self._ours():
-                self._limit = self._found().limit(limits=1, user_api="blas")
+            with_scipy = "scipy.linalg" in sys.modules
+            if self._ours() and (self._count == 0 or with_scipy not in self._libraries):
+                self._limits.append(self._found(with_scipy).limit(limits=1, user_api="blas"))
             self._count += 1
 
     def __exit__(self, *_: object) -> None:
         with self._lock:
             self._count -= 1
-            if self._count == 0 and self._limit is not None:
-                self._limit.restore_original_limits()
-                self._limit = None
+            while self._count == 0 and self._limits:
+                self._limits.pop().restore_original_limits()
 
     def _ours(self) -> bool:
         """Whether the number of threads is ours to choose, and can be."""
         return not any(name in os.environ for name in VARIABLES) and controllable()
 
-    def _found(self) -> Any:
+    def _found(self, with_scipy: bool) -> Any:
         """The libraries that are loaded; they are looked for once, which takes milliseconds."""
-        if self._libraries is None:
-            import scipy.linalg  # noqa: F401  (brings a library of its own)
+        if with_scipy not in self._libraries:
             from threadpoolctl import ThreadpoolController
 
-            self._libraries = ThreadpoolController()
-        return self._libraries
+            self._libraries[with_scipy] = ThreadpoolController()
+        return self._libraries[with_scipy]
 
 
 one_thread = _OneThread()

@@ -55,7 +55,7 @@ def test_states_together_are_stable_where_each_alone_is(states):
 def test_stability_along_a_branch_is_that_of_every_state_on_it(monkeypatch):
     """Of 60 spheres through their threshold, those next to it are looked at, of others some."""
     threshold = onset_speed(Parameters())
-    spheres = [homogeneous(Parameters(v_p0=v), 16) for v in threshold * np.linspace(0.3, 2.0, 60)]
+    spheres = [homogeneous(Parameters(v_p0=v), 16) for v in threshold * np.linspace(0.6, 1.6, 60)]
     expected = are_stable(spheres)
     seen = []
     monkeypatch.setattr(
@@ -70,6 +70,20 @@ def test_stability_along_a_branch_is_that_of_every_state_on_it(monkeypatch):
     assert {id(s) for s in spheres[change - 1 : change + 1]} <= {id(s) for s in seen}
     assert are_stable_along(spheres[:1]) == expected[:1]
     assert are_stable_along([]) == []
+
+
+def test_states_far_apart_are_all_looked_at():
+    """An instability between two stable states of nearly the same rates is not passed over."""
+    speeds = np.array([5.0, 5.5, 6.1, 6.9, 7.9])
+    spheres = [homogeneous(Parameters(v_p0=v), 8) for v in speeds]
+    unstable = 6.1
+
+    def rates(states):
+        return np.array([[0.5 if s.parameters.v_p0 == unstable else -0.5] * 4 for s in states])
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(stability, "fastest_rates", rates)
+        assert are_stable_along(spheres) == [True, True, False, True, True]
 
 
 def test_more_states_than_go_together_come_back_in_order(states):

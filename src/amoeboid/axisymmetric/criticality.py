@@ -13,12 +13,12 @@ from contextlib import suppress
 from itertools import pairwise
 
 import numpy as np
-from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
 from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.closed_forms.amplitude import at_threshold
 from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.bracketed import bracketed_root
 from amoeboid.numerics.branch_points import Options, Point, at_distance
 from amoeboid.validation import InvalidInput
 
@@ -91,7 +91,7 @@ def _root(
 ) -> float | None:
     """The zero of the function between a and b; None if it changes sign through a pole."""
     try:
-        root = float(brentq(function, a, b, xtol=1e-9 * max(abs(a), abs(b))))
+        root = bracketed_root(function, a, b, xtol=1e-9 * max(abs(a), abs(b)))
         return root if abs(function(root)) <= min(abs(f), abs(g)) else None
     except InvalidInput:
         return None

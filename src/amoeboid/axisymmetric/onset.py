@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.linalg import LinAlgError
-from scipy.optimize import brentq, minimize_scalar
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.stability import sphere_block
@@ -16,6 +15,7 @@ from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknow
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import proportional_to_speed, thresholds
 from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.bracketed import bounded_minimum, bracketed_root
 from amoeboid.numerics.branch_points import COMPLEX_STEP, Options, Point, started
 from amoeboid.validation import InvalidInput
 
@@ -127,6 +127,10 @@ def onset_speed(p: Parameters, l: int = 1) -> float | None:  # noqa: E741
     return found[0] if found else None
 
 
+def _times(factor: float, function: Callable[[float], float]) -> Callable[[float], float]:
+    return lambda v: factor * function(v)
+
+
 def _roots(function: Callable[[float], float], grid: Array) -> tuple[float, ...]:
     """The zeros of a function on an ascending grid, two between the same neighbors included."""
     values = [function(v) for v in grid]
@@ -137,17 +141,14 @@ def _roots(function: Callable[[float], float], grid: Array) -> tuple[float, ...]
         left, middle, right = (sign * value for value in around)
         # an extremum towards zero may hide two zeros
         if 0 < middle < min(left, right):
-            nearest = minimize_scalar(
-                lambda v, sign=sign: sign * function(v),
-                bounds=(grid[k - 1], grid[k + 1]),
-                method="bounded",
-                options={"xatol": 1e-6 * (grid[k + 1] - grid[k - 1])},
-            )
-            if nearest.fun < 0:
-                known.append((nearest.x, sign * nearest.fun))
+            ends = grid[k - 1], grid[k + 1]
+            towards = _times(float(sign), function)
+            nearest, value = bounded_minimum(towards, *ends, xtol=1e-6 * (ends[1] - ends[0]))
+            if value < 0:
+                known.append((nearest, sign * value))
     known.sort()
     return tuple(
-        float(brentq(function, a, b, xtol=1e-14 * max(abs(a), abs(b)), rtol=1e-14))
+        bracketed_root(function, a, b, xtol=1e-14 * max(abs(a), abs(b)), rtol=1e-14)
         for (a, f), (b, g) in pairwise(known)
         if f * g < 0 or (f == 0 and a == grid[0])
     )

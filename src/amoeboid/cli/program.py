@@ -7,6 +7,7 @@ import signal
 from contextlib import suppress
 from types import FrameType
 
+from amoeboid.cli import garbage
 from amoeboid.cli.exit_codes import FAILURE, INTERRUPTED
 
 # KeyboardInterrupt in the middle of their work is lost (in a callback), or crashes the compiler.
@@ -15,6 +16,7 @@ NOT_TO_BE_INTERRUPTED = {"importlib", "numba", "llvmlite"}
 
 def program() -> int:
     """Run the command that the arguments ask for; returns the exit code."""
+    garbage.command_begins()
     # otherwise Ctrl-C is ignored, as in the background of a shell, and stays so
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
         signal.signal(signal.SIGINT, _interrupt)
@@ -23,7 +25,8 @@ def program() -> int:
 
         open_streams()
         try:
-            from amoeboid.cli.main import main
+            with garbage.imports():
+                from amoeboid.cli.main import main
 
             code = main()
         except SystemExit as leaving:  # --help, --version, wrong arguments
@@ -32,6 +35,8 @@ def program() -> int:
     except KeyboardInterrupt:
         _say()
         return INTERRUPTED
+    finally:
+        garbage.command_ends()
 
 
 def _interrupt(_: int, frame: FrameType | None) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from amoeboid.cli import garbage
 from amoeboid.cli.documents import text_for
 from amoeboid.cli.exit_codes import INTERRUPTED
 from amoeboid.cli.output import say, tell
@@ -30,6 +31,8 @@ from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
 if TYPE_CHECKING:
     from amoeboid.output.folder import RunFolder
+    from amoeboid.plotting.cell_painter import CellPainter
+    from amoeboid.runs.advance import Outcome
     from amoeboid.simulation.step import Step
 
 EXIT_CODES = {"finished": 0, "diverged": 1, "interrupted": INTERRUPTED}
@@ -95,14 +98,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def execute(args: argparse.Namespace) -> int:
     """Run the simulation; returns the exit code."""
-    from amoeboid.runs.advance import FINISHED, advance_in_folder
-    from amoeboid.runs.interruption import interruptible
-    from amoeboid.runs.progress import reported
+    with garbage.imports():
+        from amoeboid.plotting.cell_painter import CellPainter
+        from amoeboid.runs.advance import advance_in_folder
+        from amoeboid.runs.interruption import interruptible
+        from amoeboid.runs.progress import reported
 
     if args.resume is not None and (args.config is not None or args.output is not None):
         raise InvalidInput("--resume continues in its own folder; leave out CONFIG.toml and -o")
     check("a simulation needs", "numba", "PIL")
     began = time.perf_counter()
+    with garbage.imports():
+        import amoeboid.numerics.dispatchers  # noqa: F401  (with numba)
     if args.observe:
         from amoeboid.cli.scripts import observed_names
         from amoeboid.observables import OBSERVABLES
@@ -114,21 +121,28 @@ def execute(args: argparse.Namespace) -> int:
         say_parameters(p)
     start, end = first.state.t, run.config.time.end
     signals = (signal.SIGINT, signal.SIGTERM)  # of a user; of a cluster at its time limit
-    with interruptible(signals) as interruption, reported(start, end, p) as report:
-        outcome, summary = advance_in_folder(run, first, [interruption], report, began)
+    with CellPainter() as painter:
+        with interruptible(signals) as interruption, reported(start, end, p) as report:
+            outcome, summary = advance_in_folder(run, first, [interruption], report, began)
+        _tell_results(run, outcome, summary, args.json)
+        _draw(run, outcome.last, painter)
+    return EXIT_CODES[outcome.status]
+
+
+def _tell_results(run: RunFolder, outcome: Outcome, summary: dict[str, Any], as_json: bool) -> None:
+    from amoeboid.runs.advance import FINISHED
+
     last, status, why = outcome.last, outcome.status, outcome.ended
     if status != FINISHED:
         tell("run", f"{status}: {why}")
         tell("run", f"the last good state is in {run.folder}")
     if EXIT_CODES[status] == INTERRUPTED:
         tell("run", f"to continue: {_resuming(run)}")
-    if args.json:
+    if as_json:
         shape = {} if run.adapted is None else {"initial_shape": run.adapted}
         print_json(summary | shape | {"status": status})
     else:
         _print_summary(run, summary, last, why if status == FINISHED else status)
-    _draw(run, last)
-    return EXIT_CODES[status]
 
 
 def _resuming(run: RunFolder) -> str:
@@ -225,7 +239,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
     return run, first
 
 
-def _draw(run: RunFolder, last: Step) -> None:
+def _draw(run: RunFolder, last: Step, painter: CellPainter) -> None:
     import numpy as np
 
     from amoeboid.plotting.cell import save_cell_picture
@@ -245,7 +259,7 @@ def _draw(run: RunFolder, last: Step) -> None:
             run.folder / "trajectory.png": lambda file: save_trajectory_picture(
                 file, times, positions, R0, units, environment(run.config)
             ),
-            run.folder / "cell.png": lambda file: save_cell_picture(file, last),
+            run.folder / "cell.png": lambda file: save_cell_picture(file, last, painter),
         },
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from amoeboid.arrays import Array
+from amoeboid.numerics.bracketed import bounded_minimum
 from amoeboid.validation import InvalidInput
 
 DECADES = 8
@@ -127,13 +128,10 @@ def _inverse(x: Array, y: Array) -> float:
 
 
 def _about_extremum(function: Function, low: float, high: float, sign: float) -> list[float]:
-    from scipy.optimize import minimize_scalar
-
     def distance(v: float) -> float:
         return sign * _sample(function, v)
 
-    best = minimize_scalar(distance, bounds=(low, high), method="bounded", options={"xatol": 0.0})
-    nearest, value = float(best.x), float(best.fun)
+    nearest, value = bounded_minimum(distance, low, high, xtol=0.0)
     if value < 0:
         return _bracketed(function, low, nearest) + _bracketed(function, nearest, high)
     touches = value <= 1e-12 * max(distance(low), distance(high))

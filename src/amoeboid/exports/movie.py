@@ -14,7 +14,7 @@ from amoeboid.exports.job import Job
 from amoeboid.observables import polarization
 from amoeboid.plotting.canvas import Canvas
 from amoeboid.plotting.cell import scene
-from amoeboid.plotting.cell_process import (
+from amoeboid.plotting.cell_picture import (
     View,
     add_scales,
     color_limits,

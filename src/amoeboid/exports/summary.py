@@ -10,7 +10,8 @@ from typing import Any
 
 from amoeboid.display import html_table, text_table
 from amoeboid.exports.job import Job
-from amoeboid.plotting.cell import NoPicture, save_picture
+from amoeboid.plotting.cell import save_picture
+from amoeboid.plotting.cell_painter import NoPicture
 from amoeboid.runs.run import Run
 from amoeboid.runs.snapshot import SHOWN
 from amoeboid.runs.stored import StoredFrames, StoredRun

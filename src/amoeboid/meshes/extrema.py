@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from amoeboid.arrays import Array, Index, cross
-from amoeboid.meshes.connectivity import Connectivity
+from amoeboid.arrays import Array, Index
 from amoeboid.numerics.compiled import compiled, nested
 
 # Number of nodes, fastest first, whose neighborhood is searched for the maximal speed.
@@ -184,37 +183,81 @@ def fitted_maxima(nodes, row_start, columns, r, normals, values):  # type: ignor
     return maxima
 
 
-def _in_tangent_plane(x: Array, normals: Array) -> Array:
-    """Coordinates (n, m, 2) of x (n, m, 3) in the planes of n normals, in units of their spread."""
-    first = cross(normals, np.eye(3)[np.argmin(np.abs(normals), axis=1)])
-    first /= np.sqrt(np.einsum("ni,ni->n", first, first))[:, None]
-    axes = np.stack([first, cross(normals, first)], axis=2)
-    plane = x @ axes
-    return np.asarray(plane / np.abs(plane).max(axis=(1, 2), keepdims=True))
+@nested
+def _least_squares(a, b):  # type: ignore[no-untyped-def]
+    """The shortest x that minimizes |a x - b|, from orthogonal columns or, if fewer, rows of a.
 
-
-def _monomials(plane: Array) -> Array:
-    x, y = plane[..., 0], plane[..., 1]
-    return np.stack([x, y, 0.5 * x * x, x * y, 0.5 * y * y], axis=-1)
-
-
-def refined_extremum(
-    mesh: Connectivity, r: Array, normals: Array, values: Array, i: int, sign: float
-) -> float:
-    """Extremum near node i of the quadratic through it, fitted to its neighbors.
-
-    Taken only within reach of the neighbors, else the value at the node. sign +1: a maximum.
+    0 where these are not independent.
     """
-    ring = mesh.columns[mesh.row_start[i] : mesh.row_start[i + 1]]
-    ring = ring[ring != i]
-    if np.ptp(values[ring] - values[i]) == 0.0:
-        return float(values[i])
-    basis = _monomials(_in_tangent_plane((r[ring] - r[i])[None], normals[i : i + 1])[0])
-    gx, gy, xx, xy, yy = np.linalg.lstsq(basis, values[ring] - values[i], rcond=None)[0]
-    hessian, gradient = np.array([[xx, xy], [xy, yy]]), np.array([gx, gy])
-    if np.max(sign * np.linalg.eigvalsh(hessian)) >= 0:
-        return float(values[i])
-    step = -np.linalg.solve(hessian, gradient)
-    if np.linalg.norm(step) > 1.0:
-        return float(values[i])
-    return float(values[i] + 0.5 * gradient @ step)
+    wide = a.shape[0] < a.shape[1]
+    length, count = max(a.shape), min(a.shape)
+    q, upper = np.empty((length, count)), np.zeros((count, count))
+    x, y, left = np.zeros(a.shape[1]), np.zeros(count), b.copy()
+    for t in range(count):
+        size, rest = 0.0, 0.0
+        for i in range(length):
+            q[i, t] = a[t, i] if wide else a[i, t]
+            size += q[i, t] ** 2
+        for s in range(t):
+            for i in range(length):
+                upper[s, t] += q[i, s] * q[i, t]
+            for i in range(length):
+                q[i, t] -= upper[s, t] * q[i, s]
+        for i in range(length):
+            rest += q[i, t] ** 2
+        if not rest > UNDETERMINED * size:
+            return x
+        upper[t, t] = np.sqrt(rest)
+        for i in range(length):
+            q[i, t] /= upper[t, t]
+        if wide:
+            y[t] = b[t]
+            for s in range(t):
+                y[t] -= upper[s, t] * y[s]
+            y[t] /= upper[t, t]
+        else:
+            for i in range(length):
+                y[t] += q[i, t] * left[i]
+            for i in range(length):
+                left[i] -= y[t] * q[i, t]
+    for t in range(count - 1, -1, -1):
+        if wide:
+            for i in range(length):
+                x[i] += q[i, t] * y[t]
+        else:
+            x[t] = y[t] / upper[t, t]
+            for s in range(t):
+                y[s] -= upper[s, t] * x[t]
+    return x
+
+
+@compiled
+def refined_extremum(node, sign, row_start, columns, r, normals, values):  # type: ignore[no-untyped-def]
+    """Extremum near a node of the quadratic through it, fitted to its neighbors; sign 1: a maximum.
+
+    Taken only within reach of the neighbors, else the value at the node.
+    """
+    here, most = values[node], row_start[node + 1] - row_start[node] + 1
+    patch, plane = np.empty(most, np.int64), np.empty((most, 2))
+    patch[0] = node
+    n = _patch(1, row_start, columns, patch) - 1
+    _plane(patch, n + 1, r, normals, plane)
+    basis, rise, reach = np.empty((n, 5)), np.empty(n), 0.0
+    for i in range(n):
+        x, y = plane[i + 1, 0], plane[i + 1, 1]
+        basis[i, 0], basis[i, 1] = x, y
+        basis[i, 2], basis[i, 3], basis[i, 4] = 0.5 * x * x, x * y, 0.5 * y * y
+        rise[i] = values[patch[i + 1]] - here
+        reach = max(reach, abs(x), abs(y))
+    if rise.min() == rise.max():
+        return here
+    k = _least_squares(basis, rise)
+    gx, gy, xx, xy, yy = k[0], k[1], k[2], k[3], k[4]
+    half = 0.5 * (xx - yy)
+    if 0.5 * sign * (xx + yy) + np.sqrt(half * half + xy * xy) >= 0.0:
+        return here
+    determinant = xx * yy - xy * xy
+    step_x, step_y = (xy * gy - yy * gx) / determinant, (xy * gx - xx * gy) / determinant
+    if np.sqrt(step_x * step_x + step_y * step_y) > reach:
+        return here
+    return here + 0.5 * (gx * step_x + gy * step_y)

@@ -105,25 +105,43 @@ def _geometry(r, faces):  # type: ignore[no-untyped-def]
     return areas, face_normals, gradients, node_areas, dual_areas, normals
 
 
-def smooth_area(r: Array, faces: Index) -> float:
+def smooth_area(r: Array, faces: Index, g: Geometry | None = None) -> float:
     """Area of the smooth surface through the nodes r [length^2], to fourth order in edge lengths.
 
     Its height h above a triangle is the quadratic that vanishes at the corners and has the slopes
     of the normals there. The triangles have less area by the integral of h H - |grad h|^2/2, the
-    variation of the area to second order; where that is much, the mesh resolves no surface.
+    variation of the area to second order; where that is much, the mesh resolves no surface. `g`:
+    the geometry of these nodes, if it is known.
     """
-    g = geometry(r, faces)
-    normals = g.normals[faces]
-    along = np.einsum("fad,fd->fa", normals, g.face_normals)
-    slopes = g.face_normals[:, None, :] - normals / np.maximum(along, MIN_COSINE)[:, :, None]
-    edges = np.roll(r[faces], -1, axis=1) - r[faces]
-    middles = np.einsum("fad,fad->fa", slopes - np.roll(slopes, -1, axis=1), edges) / 8.0
-    curvature_sum = -np.einsum("fad,fad->f", slopes, g.gradients)
-    total = slopes.sum(axis=1)
-    # the mean over a triangle of the square of what is linear
-    squares = (np.einsum("fd,fd->f", total, total) + np.einsum("fad,fad->f", slopes, slopes)) / 12.0
-    lacking = curvature_sum * middles.mean(axis=1) - 0.5 * squares
-    return float(g.face_areas @ (1.0 + np.clip(lacking, -MAX_LACKING, MAX_LACKING)))
+    g = geometry(r, faces) if g is None else g
+    return float(_smooth_area(r, faces, g.face_areas, g.face_normals, g.gradients, g.normals))
+
+
+@compiled
+def _smooth_area(r, faces, areas, face_normals, gradients, normals):  # type: ignore[no-untyped-def]
+    total, slopes = 0.0, np.empty((3, 3))
+    for f in range(faces.shape[0]):
+        curvature, squares, middles = 0.0, 0.0, 0.0
+        for a in range(3):
+            along = 0.0
+            for d in range(3):
+                along += normals[faces[f, a], d] * face_normals[f, d]
+            along = max(along, MIN_COSINE)
+            for d in range(3):
+                slopes[a, d] = face_normals[f, d] - normals[faces[f, a], d] / along
+                curvature -= slopes[a, d] * gradients[f, a, d]
+                squares += slopes[a, d] * slopes[a, d]
+        for d in range(3):
+            squares += (slopes[0, d] + slopes[1, d] + slopes[2, d]) ** 2
+        for a in range(3):
+            b = (a + 1) % 3
+            for d in range(3):
+                edge = r[faces[f, b], d] - r[faces[f, a], d]
+                middles += (slopes[a, d] - slopes[b, d]) * edge / 8.0
+        # squares/12: the mean over a triangle of the square of what is linear
+        lacking = curvature * middles / 3.0 - 0.5 * squares / 12.0
+        total += areas[f] * (1.0 + min(max(lacking, -MAX_LACKING), MAX_LACKING))
+    return total
 
 
 def area_centroid(r: Array, g: Geometry) -> Array:

@@ -20,6 +20,7 @@ from amoeboid.motility.surfaces import (
     front_of,
     ways_of,
 )
+from amoeboid.numerics.bracketed import bracketed_root
 from amoeboid.observables import center_velocity, polarization
 
 AROUND = 8  # meridians: integrals of products of what varies with cos phi and sin phi are exact
@@ -136,7 +137,6 @@ class RevolvedSurface(SurfaceInFluid):
 
     def _at_angle(self, theta: float) -> float:
         """The x at which the direction from the center has an angle theta [rad] to the axis."""
-        from scipy.optimize import brentq
 
         def excess(x: float) -> float:
             r, z = self.meridian.position(np.array([x]))
@@ -144,7 +144,7 @@ class RevolvedSurface(SurfaceInFluid):
 
         if theta <= 0.0 or theta >= np.pi:
             return min(max(theta, 0.0), np.pi)
-        return float(brentq(excess, 0.0, np.pi, xtol=1e-15, rtol=1e-14))
+        return bracketed_root(excess, 0.0, np.pi, xtol=1e-15, rtol=1e-14)
 
     @cached_property
     def drag(self) -> tuple[Array, Array]:

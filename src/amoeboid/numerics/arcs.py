@@ -12,9 +12,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import brentq
 
 from amoeboid.arrays import Array
+from amoeboid.numerics.bracketed import bracketed_root
 from amoeboid.numerics.branch_points import (
     Options,
     Point,
@@ -231,7 +231,7 @@ def _share(arc: Arc, low: Point, high: Point, value: float, row: Array) -> float
     data = low.parameter, slopes[0], high.parameter, slopes[1]
     if not np.all(np.isfinite(data)):
         return 0.5
-    share = brentq(lambda t: cubic(*data, t) - value, 0.0, 1.0, xtol=1e-16, rtol=1e-14)
+    share = bracketed_root(lambda t: cubic(*data, t) - value, 0.0, 1.0, xtol=1e-16, rtol=1e-14)
     return float(np.clip(share, 1e-9, 1 - 1e-9))
 
 

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from amoeboid.numerics.branch_points import (
     Options,
@@ -42,6 +41,8 @@ def located(
     between points just beside it, at most `widths` of the way from a to b off. Raises Stalled if
     those cannot be reached either.
     """
+    from scipy.optimize import brentq  # takes 0.3 s to import, and not every arc has a point
+
     first = a if after is None else after
     begin, span = first.length - a.length, b.length - a.length
     known = {begin: (first, test(first)), span: (b, test(b))}

@@ -5,6 +5,8 @@ Pillow takes a tenth of the time that matplotlib or VTK need to start, and no gr
 
 from __future__ import annotations
 
+import io
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,7 @@ PICTURE = "a picture of a cell needs"
 SMOOTHING = 2  # pixels drawn for one of the picture, in both directions
 FACET = 24.0  # pixels drawn: edges of the pieces, each of one color, that a triangle is cut into
 MAX_CUTS = 64
+MAX_CHANGE = 4.0  # of 255: pieces are not smaller than their colors need to differ by this
 # The anchors of YlGnBu by C. Brewer, as in `palette.COLOR_MAP`; between them it is linear.
 ANCHORS = (
     "#ffffd9", "#edf8b1", "#c7e9b4", "#7fcdbb", "#41b6c4", "#1d91c0", "#225ea8", "#253494",
@@ -25,6 +28,9 @@ ANCHORS = (
 )  # fmt: skip
 AMBIENT, DIFFUSE = 0.8, 0.25  # of the light, which comes from the viewer
 ROUND = np.linspace(0.0, 2 * np.pi, 16, endpoint=False)
+# In which outlines are sought: of round things they are right to 1 in 200 of the radius.
+_ANGLES = np.linspace(0.0, 2 * np.pi, 32, endpoint=False)
+DIRECTIONS = np.column_stack([np.cos(_ANGLES), np.sin(_ANGLES)])
 
 
 def colors(values: Array) -> Array:
@@ -76,33 +82,39 @@ class Canvas:
         edges = r[faces[:, [1, 2]]] - r[faces[:, :1]]
         seen = faces[cross(edges[:, 0], edges[:, 1]) @ self._sight > 0.0]
         size = self._pixels * np.sqrt(np.mean(np.sum(edges**2, axis=2)))
-        cuts = int(np.clip(np.ceil(size / FACET), 1, MAX_CUTS))
-        corners, middles = _pieces(cuts)
-        place, depth = self.place(r)[seen], (r @ self._sight)[seen]
         light = AMBIENT + DIFFUSE * np.clip(normals @ self._sight, 0.0, 1.0)
-        polygons = np.einsum("pka,fad->fpkd", corners, place).reshape(-1, 6)
-        shades = colors((values[seen] @ middles.T).ravel()) * (light[seen] @ middles.T).reshape(
-            -1, 1
-        )
-        fills = np.clip(np.rint(shades), 0, 255).astype(int).tolist()
-        depths = (depth @ middles.T).ravel().tolist()
-        self._solids += zip(depths, polygons.tolist(), map(tuple, fills), strict=True)
+        shades = colors(values) * light[:, None]
+        change = np.ptp(shades[seen], axis=1).max(axis=1)
+        cuts = np.ceil(np.minimum(size / FACET, change / MAX_CHANGE))
+        cuts = np.clip(cuts, 1, MAX_CUTS).astype(int)
+        place, depth = self.place(r), r @ self._sight
+        for count in np.unique(cuts):
+            corners, middles = _pieces(count)
+            cut = seen[cuts == count]
+            polygons = np.einsum("pka,fad->fpkd", corners, place[cut]).reshape(-1, 6)
+            fills = colors(values[cut] @ middles.T) * (light[cut] @ middles.T)[..., None]
+            fills = np.clip(np.rint(fills), 0, 255).astype(int).reshape(-1, 3).tolist()
+            depths = (depth[cut] @ middles.T).ravel().tolist()
+            self._solids += zip(depths, polygons.tolist(), map(tuple, fills), strict=True)
 
-    def arrow(
-        self, start: Array, along: Array, color: str, head: float = 0.35, width: float = 0.04
+    def arrows(
+        self, starts: Array, along: Array, color: str, head: float = 0.35, width: float = 0.04
     ) -> None:
-        """An arrow: a rod, and a cone of the share `head` of its length, 2.5 times as wide."""
-        length = float(np.linalg.norm(along))
-        if length == 0.0:
-            return
-        across = cross(along / length, np.eye(3)[np.argmin(np.abs(along))])
-        across /= np.linalg.norm(across)
-        other = cross(along / length, across)
-        circle = np.cos(ROUND)[:, None] * across + np.sin(ROUND)[:, None] * other
-        neck, tip = start + (1.0 - head) * along, start + along
-        rod = width * length * circle
-        self.solid(np.concatenate([start + rod, neck + rod]), color)
-        self.solid(np.concatenate([neck + 2.5 * rod, tip[None]]), color)
+        """Arrows from `starts` (n, 3), `along` (n, 3) long; those of no length are left out.
+
+        Each a rod, and a cone of the share `head` of its length, 2.5 times as wide.
+        """
+        lengths = np.linalg.norm(along, axis=1)
+        starts, along, lengths = (values[lengths > 0.0] for values in (starts, along, lengths))
+        tangent = along / lengths[:, None]
+        across = cross(tangent, np.eye(3)[np.argmin(np.abs(tangent), axis=1)])
+        across /= np.linalg.norm(across, axis=1)[:, None]
+        other = cross(tangent, across)
+        circle = np.cos(ROUND)[:, None] * across[:, None] + np.sin(ROUND)[:, None] * other[:, None]
+        rod = width * lengths[:, None, None] * circle
+        start, neck, tip = ((starts + share * along)[:, None] for share in (0.0, 1.0 - head, 1.0))
+        self.solids(np.concatenate([start + rod, neck + rod], axis=1), color)
+        self.solids(np.concatenate([neck + 2.5 * rod, tip], axis=1), color)
 
     def line(self, start: Array, end: Array, width: float, color: str) -> None:
         """A line of a width, across the view."""
@@ -115,8 +127,13 @@ class Canvas:
 
     def solid(self, points: Array, color: Any) -> None:
         """The convex hull of points (n, 3), in front of what its nearest point is in front of."""
-        depth = float((points @ self._sight).max())
-        self._solids.append((depth, _hull(self.place(points)).ravel().tolist(), color))
+        self.solids(points[None], color)
+
+    def solids(self, points: Array, color: Any) -> None:
+        """The convex hulls of points (k, n, 3) each."""
+        depths = (points @ self._sight).max(axis=1).tolist()
+        for depth, outline in zip(depths, _outlines(self.place(points)), strict=True):
+            self._solids.append((depth, outline.ravel().tolist(), color))
 
     def text(self, place: Array, words: str, color: str, size: float, anchor: str = "mm") -> None:
         """Words at a place of the picture (2,), in pixels that are drawn."""
@@ -153,9 +170,15 @@ class Canvas:
         self._flush()
         return self._image.reduce(SMOOTHING)
 
+    def png(self) -> bytes:
+        """The picture as a PNG file."""
+        file = io.BytesIO()
+        self.image().save(file, format="png", compress_level=1, compress_type=zlib.Z_RLE)
+        return file.getvalue()
+
     def save(self, path: Path) -> None:
         """Write a PNG file."""
-        self.image().save(path, format="png", compress_level=4)
+        path.write_bytes(self.png())
 
     def _flush(self) -> None:
         for _, polygon, color in sorted(self._solids, key=lambda solid: solid[0]):
@@ -176,20 +199,7 @@ def _pieces(cuts: int) -> tuple[Array, Array]:
     return corners, corners.mean(axis=1)
 
 
-def _hull(points: Array) -> Array:
-    """The convex hull of points (n, 2) in the plane (A. M. Andrew, Inf. Process. Lett. 9, 1979)."""
-    ordered = sorted(map(tuple, points.tolist()))
-
-    def chain(sequence: Any) -> list[Any]:
-        found: list[Any] = []
-        for p in sequence:
-            while len(found) > 1 and _turns_left(found[-2], found[-1], p) <= 0:
-                found.pop()
-            found.append(p)
-        return found[:-1]
-
-    return np.array(chain(ordered) + chain(reversed(ordered)) or ordered[:1])
-
-
-def _turns_left(a: Any, b: Any, c: Any) -> float:
-    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
+def _outlines(points: Array) -> Array:
+    """Convex hulls (k, d, 2) of points (k, n, 2) in the plane: the farthest in each direction."""
+    farthest = np.argmax(points @ DIRECTIONS.T, axis=1)
+    return np.asarray(np.take_along_axis(points, farthest[..., None], axis=1))

@@ -1,15 +1,12 @@
 """A picture of a cell in 3D: concentration as color, retrograde flow as arrows (figure 3D).
 
 With a scale bar, the time, and the arrow that stands for the fastest flow. It is drawn in a process
-of its own, beside which the program can draw something else.
+of its own, see `cell_painter`.
 """
 
 from __future__ import annotations
 
 import io
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,34 +14,29 @@ import numpy as np
 
 from amoeboid.model.parameters import Parameters
 from amoeboid.observables import max_retrograde_speed, polarization, retrograde_flow
-from amoeboid.output.atomic import write_atomically
-from amoeboid.plotting import cell_process
+from amoeboid.output.atomic import write_bytes
+from amoeboid.plotting.cell_painter import CellPainter
 from amoeboid.simulation.step import Step
 from amoeboid.studies.columns import magnitude, unit
 from amoeboid.surface.cell import SurfaceCell
 
 MIN_FLOW = 1e-3  # slower than this, in units of rate R0, a cell counts as resting
-MAX_DRAWING = 120.0  # seconds; the largest mesh takes a few
-REMEDY = "ParaView opens the frames"
 
 
-class NoPicture(RuntimeError):
-    """The drawing process failed; the message says how."""
-
-
-def save_cell_picture(path: Path, step: Step) -> None:
+def save_cell_picture(path: Path, step: Step, painter: CellPainter | None = None) -> None:
     """Render the cell of `step` to a PNG file: front to the left, seen from the side.
 
-    Raises NoPicture if the process fails, and OSError.
+    `painter`: the process that draws it, if it was started before. Raises NoPicture if the process
+    fails, and OSError.
     """
-    save_picture(path, step.cell)
+    save_picture(path, step.cell, painter)
 
 
-def save_picture(path: Path, cell: SurfaceCell) -> None:
+def save_picture(path: Path, cell: SurfaceCell, painter: CellPainter | None = None) -> None:
     """The same of a cell."""
     archive = io.BytesIO()
     np.savez(archive, **scene(cell))
-    write_atomically(path, lambda p: _draw(p, archive.getvalue()))
+    write_bytes(path, (painter or CellPainter()).picture(archive.getvalue()))
 
 
 def scene(cell: SurfaceCell) -> dict[str, Any]:
@@ -75,32 +67,3 @@ def _drawn_unit(p: Parameters, dimension: str) -> str:
     if p.units is None:
         return f"[{dimension}]"
     return unit(p, dimension)
-
-
-def _draw(path: Path, archive: bytes) -> None:
-    problem = _problem(path, archive)
-    if problem is not None:
-        raise NoPicture(f"{problem}; {REMEDY}")
-
-
-def _problem(path: Path, archive: bytes) -> str | None:
-    """Draw in a process of its own; None, or what went wrong."""
-    command = [sys.executable, "-P", cell_process.__file__, str(path.absolute())]
-    try:
-        done = subprocess.run(  # noqa: S603  (our own program; the path is one argument)
-            command, input=archive, capture_output=True, timeout=MAX_DRAWING
-        )
-    except subprocess.TimeoutExpired:
-        return f"the drawing process took more than {MAX_DRAWING:g} s"
-    if done.returncode == 0 and path.is_file():
-        return None
-    lines = done.stderr.decode(errors="replace").split("\n")
-    said = [line.strip() for line in lines if line.strip()]
-    return ": ".join([f"the drawing process ended with {_ending(done.returncode)}", *said[-1:]])
-
-
-def _ending(code: int) -> str:
-    try:
-        return signal.Signals(-code).name
-    except ValueError:
-        return f"code {code}"

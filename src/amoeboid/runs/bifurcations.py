@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from amoeboid.arrays import Array, Index
 from amoeboid.meshes.geometry import volume_centroid
@@ -169,6 +168,8 @@ def mirror_symmetric(cell: SteadyCell, mode: Array) -> Array:
 
 def mirrors(cell: SteadyCell) -> list[Index]:
     """The images (V,) of the nodes in all mirror planes of the mesh through the axis of a cell."""
+    from scipy.spatial import cKDTree  # not for every branch
+
     axis, x = _axis(cell), _about_center(cell)
     height = x @ axis
     across = x - np.outer(height, axis)

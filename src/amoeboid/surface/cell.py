@@ -12,6 +12,7 @@ from amoeboid.arrays import Array, Index
 from amoeboid.display import shown
 from amoeboid.meshes import geometry
 from amoeboid.meshes.extrema import SEARCHED, fitted_maxima, largest, refined_extremum
+from amoeboid.meshes.geometry import Geometry
 from amoeboid.model.parameters import Parameters
 from amoeboid.surface.model import Model
 from amoeboid.surface.state import Flow, State
@@ -74,9 +75,9 @@ class SurfaceCell:
         return self.flow.normals
 
     @cached_property
-    def _normals(self) -> Array:
-        """Normals (V, 3) of the shape itself, not of the one that the flow was solved on."""
-        return geometry.geometry(self.r, self.faces).normals
+    def _geometry(self) -> Geometry:
+        """Geometry of the shape itself, not of the one that the flow was solved on."""
+        return geometry.geometry(self.r, self.faces)
 
     @property
     def v(self) -> Array:
@@ -106,7 +107,8 @@ class SurfaceCell:
     @property
     def radius(self) -> float:
         """Radius of the sphere of the area of the smooth surface through the nodes [L]."""
-        return float(np.sqrt(geometry.smooth_area(self.r, self.faces) / (4.0 * np.pi)))
+        area = geometry.smooth_area(self.r, self.faces, self._geometry)
+        return float(np.sqrt(area / (4.0 * np.pi)))
 
     @property
     def volume(self) -> float:
@@ -131,8 +133,11 @@ class SurfaceCell:
         That of a field without negative values is not negative either: where the quadratic is, the
         value at the node counts.
         """
-        lowest = int(np.argmin(field))
-        found = refined_extremum(self.model.mesh, self.r, self._normals, field, lowest, -1.0)
+        field = np.ascontiguousarray(field, dtype=float)
+        lowest, mesh = int(np.argmin(field)), self.model.mesh
+        found = refined_extremum(
+            lowest, -1.0, mesh.row_start, mesh.columns, self.r, self._geometry.normals, field
+        )
         return found if found >= 0.0 or field[lowest] < 0.0 else float(field[lowest])
 
     def max_length(self, field: Array) -> float:
@@ -144,6 +149,6 @@ class SurfaceCell:
         squares = np.einsum("vi,vi->v", field, field)
         mesh, longest = self.model.mesh, largest(squares, SEARCHED)
         maxima = fitted_maxima(
-            longest, mesh.row_start, mesh.columns, self.r, self._normals, squares
+            longest, mesh.row_start, mesh.columns, self.r, self._geometry.normals, squares
         )
         return float(np.sqrt(max(0.0, maxima.max())))

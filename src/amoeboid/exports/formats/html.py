@@ -14,7 +14,7 @@ from amoeboid.figures.gallery.fig3d import own_axes, sight_axes
 from amoeboid.figures.page import Moment, Scene, page
 from amoeboid.observables import max_retrograde_speed, retrograde_flow
 from amoeboid.plotting.cell import MIN_FLOW
-from amoeboid.plotting.cell_process import ARROW, color_limits, spread_out
+from amoeboid.plotting.cell_picture import ARROW, color_limits, spread_out
 from amoeboid.runs.analysis import axis
 from amoeboid.studies.columns import text
 from amoeboid.surface.cell import SurfaceCell

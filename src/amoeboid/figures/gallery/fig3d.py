@@ -19,7 +19,7 @@ from amoeboid.model.parameters import Parameters
 from amoeboid.observables import OBSERVABLES
 from amoeboid.output.frames import frame_arrays
 from amoeboid.plotting.cell import MIN_FLOW
-from amoeboid.plotting.cell_process import spread_out
+from amoeboid.plotting.cell_picture import spread_out
 from amoeboid.plotting.palette import COLOR_MAP, GRAY, INK, ORANGE
 from amoeboid.runs.analysis import axis
 from amoeboid.runs.meshes import Icosphere
