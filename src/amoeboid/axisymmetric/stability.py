@@ -33,10 +33,10 @@ AZIMUTHAL_NUMBERS = (0, 1, 2, 3)
 NEUTRAL = 1e-7
 """Growth rates below this fraction of turnover, diffusion and treadmilling count as neutral."""
 
-SPACING, ALIKE, CLEAR = 8, 0.5, 0.02
-"""How far apart the states of a branch are that are looked at first; how much the fastest rates of
-two may differ, relatively, and how far from zero, over `slow_rate`, they must be for no rate to
-pass through zero between them."""
+SPACING, REACH, ALIKE, CLEAR = 8, 0.15, 0.5, 0.02
+"""How far apart the states of a branch are that are looked at first; how much v_p0 and the fastest
+rates of two may differ, relatively, and how far from zero, over `slow_rate`, these must be for no
+rate to pass through zero between them."""
 
 ROUNDING = 8 * float(np.finfo(float).eps)
 """Error of an eigenvalue in units of the fastest rate, which grows with delta_P."""
@@ -119,27 +119,36 @@ def fastest_rates(states: Sequence[SteadySolution]) -> Array:
 
 
 def are_stable_along(states: Sequence[SteadySolution]) -> list[bool]:
-    """Whether states are stable that follow one another on a branch, without a fold between them.
+    """Whether states are stable that follow one another on a branch in v_p0, no fold between them.
 
-    Rates are continuous along a branch. So the states between two others are not looked at where,
-    for every m, the fastest rates of those two are away from zero, on the same side, and differ by
-    no more than ALIKE times the smaller one. Until that holds, the state in the middle is looked
-    at.
+    Rates are continuous along a branch. So the states between two others are not looked at where
+    v_p0 of those two differs by no more than REACH times the larger one, and where, for every m,
+    their fastest rates are away from zero, on the same side, and differ by no more than ALIKE times
+    the smaller one. Until that holds, the state in the middle is looked at.
     """
     known: dict[int, Array] = {}
     wanted = [*range(0, len(states), SPACING), len(states) - 1] if states else []
+    speeds = [state.parameters.v_p0 for state in states]
     while wanted:
         wanted = sorted(set(wanted))
         known |= zip(wanted, fastest_rates([states[k] for k in wanted]), strict=True)
-        ends = list(pairwise(sorted(known)))
-        wanted = [(a + b) // 2 for a, b in ends if b > a + 1 and not _alike(known[a], known[b])]
+        apart = [
+            (a, b)
+            for a, b in pairwise(sorted(known))
+            if not (_close(speeds[a], speeds[b]) and _alike(known[a], known[b]))
+        ]
+        wanted = [(a + b) // 2 for a, b in apart if b > a + 1]
     places = np.array(sorted(known))
     before = places[np.searchsorted(places, np.arange(len(states)), side="right") - 1]
     return [bool(np.all(known[int(k)] <= 0.0)) for k in before]
 
 
+def _close(a: float, b: float) -> bool:
+    return abs(a - b) <= REACH * max(abs(a), abs(b))
+
+
 def _alike(a: Array, b: Array) -> bool:
-    """Whether no rate can have passed through zero between two states."""
+    """Whether no rate can have passed through zero between two states next to each other."""
     smaller = np.minimum(np.abs(a), np.abs(b))
     return bool(np.all((smaller > CLEAR) & (np.abs(a - b) <= ALIKE * smaller)))
 
