@@ -1,5 +1,7 @@
 """Spectra of several states at once are those of each state alone, to the last bit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -17,6 +19,7 @@ from amoeboid.axisymmetric.stability import (
     is_stable,
 )
 from amoeboid.axisymmetric.steady import homogeneous, steady_state
+from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 
@@ -29,6 +32,8 @@ def states():
         steady_state(Parameters(D=0.4, v_p0=v, delta_P=pressure), found[-1])
         for v, pressure in ((5.52, 300.0), (5.54, 300.0), (5.56, 200.0), (6.0, 300.0))
     ]
+    more_modes = replace(found[2], n=48, x=resampled(found[2].x, found[2].n, 48))
+    found.append(steady_state(Parameters(D=0.4, v_p0=5.52), more_modes))
     surrounded = Parameters(D=0.4, v_p0=5.5, gamma_t=0.01, gamma_share=0.5, kappa=0.1)
     found.append(steady_state(surrounded, found[2]))
     found.append(homogeneous(Parameters(beta=0.0, v_p0=0.1)))
@@ -41,6 +46,8 @@ def test_rates_of_states_together_are_those_of_each_alone(states):
     sizes = [len(which) for which, _ in linearizations(states)]
     assert max(sizes) > 1
     assert len(sizes) > 2
+    modes = [{states[k].n for k in which} for which, _ in linearizations(states)]
+    assert {32, 48} in modes
     for state, rates in zip(states, together, strict=True):
         for m in AZIMUTHAL_NUMBERS:
             np.testing.assert_array_equal(rates[m], growth_rates(state, m))

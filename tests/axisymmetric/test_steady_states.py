@@ -14,7 +14,7 @@ from amoeboid.axisymmetric.steady import (
     steady_state,
     strong_residual,
 )
-from amoeboid.axisymmetric.unknowns import resampled
+from amoeboid.axisymmetric.unknowns import fields_of, resampled
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
@@ -45,6 +45,27 @@ def test_the_jacobian_is_exact(p):
     exact = np.array(columns).T
     error = np.abs(system.jacobian(x, NONE) - exact).max()
     assert error < 1e-13 * np.abs(exact).max()
+
+
+@pytest.mark.parametrize("p", POINTS)
+def test_the_strong_residual_is_that_of_the_equations_on_a_finer_grid(p):
+    n, m = 12, 36
+    rng = np.random.default_rng(2)
+    x = homogeneous(p, n).x
+    x = x + 0.03 * rng.normal(size=x.size) / (1 + np.arange(x.size) % n) ** 2
+    found = SteadySystem(p, n).strong_residual(x, NONE)
+    x[-2:] = 0.0  # the slack unknowns do not count
+    longer, finer = resampled(x, n, m), SteadySystem(p, m)
+    f = fields_of(longer, m)
+    u, v_p, c, tau = (np.abs(field).max() for field in (f.u, p.v_p(f.c), f.c, p.tau(f.c)))
+    fastest = max(u, v_p, p.D / p.R0 + p.beta * p.R0)
+    force = p.delta_P + (p.eta_s + p.eta_b) * fastest / p.R0**2 + tau / p.R0
+    area = 4 * np.pi * p.R0**2
+    units = np.repeat(
+        [force, c * fastest / p.R0, 1.0, area, c * area], [2 * m, m, 1, 1, 1]
+    )  # fmt: skip
+    expected = np.abs(finer.residual(longer, NONE) * finer.row_scales / units).max()
+    assert found == pytest.approx(expected, rel=1e-12)
 
 
 @pytest.mark.parametrize("p", POINTS)

@@ -1,6 +1,6 @@
 """Continuation on curves that are known in closed form."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
@@ -11,6 +11,7 @@ from amoeboid.numerics.arcs import Arc, _bracketed, _direct, arcs, at_value, unk
 from amoeboid.numerics.branch_points import (
     Options,
     Stalled,
+    Unresolved,
     at_distance,
     at_parameter,
     residual_and_bordered,
@@ -183,6 +184,20 @@ def test_the_direct_way_to_a_value_is_taken_only_where_it_is_safe():
         if arc.b.parameter > 8.0:
             break
     assert all(ways.values())
+
+
+def test_a_branch_ends_with_the_first_point_that_is_enough_resolved_or_not():
+    class Coarse(Cusp):
+        def resolved(self, x, q):
+            return q[0] < 1.0
+
+    begin, options = start()
+    begin = replace(begin, system=Coarse())
+    with pytest.raises(Unresolved):
+        list(follow(begin, options))
+    *before, last = follow(begin, options, lambda point: point.parameter >= 1.0)
+    assert max(point.parameter for point in before) < 1.0 <= last.parameter
+    assert abs(last.parameter + 3 * last.x[0] - last.x[0] ** 3) < 1e-11
 
 
 def test_a_step_does_not_lead_to_another_branch():

@@ -56,10 +56,19 @@ def test_extremum_is_that_of_the_quadratic_of_least_squares(around):
     assert between > 10
 
 
-def test_of_a_constant_and_of_dependent_neighbors_the_value_at_the_node_counts():
-    r, faces = bipyramid(4, np.random.default_rng(0))
-    r[2:] = [[1, 0, 0], [0.5, 0, 0], [-1, 0, 0], [-0.5, 0, 0]]  # on one line as seen from above
+@pytest.mark.parametrize(
+    "ring",
+    [
+        [[1, 0, 0], [0.5, 0, 0], [-1, 0, 0], [-0.5, 0, 0]],  # on one line as seen from above
+        [[1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 1, 0], [-1, -0.5, 0], [-0.3, -1, 0]],  # two pairs
+    ],
+)
+def test_of_a_constant_and_of_dependent_neighbors_the_value_at_the_node_counts(ring):
+    r, faces = bipyramid(len(ring), np.random.default_rng(0))
+    r[2:] = ring
     mesh, normals = connectivity(faces), np.tile([0.0, 0.0, 1.0], (len(r), 1))
-    for values in (np.full(len(r), 2.0), 2.0 - r[:, 0] ** 2):
-        found = refined_extremum(0, 1.0, mesh.row_start, mesh.columns, r, normals, values)
-        assert found == values[0]
+    fields = np.random.default_rng(1).standard_normal((50, len(r)))
+    for values in (np.full(len(r), 2.0), *fields):
+        for sign in (1.0, -1.0):
+            found = refined_extremum(0, sign, mesh.row_start, mesh.columns, r, normals, values)
+            assert found == values[0]

@@ -22,6 +22,7 @@ from amoeboid.closed_forms.linear import (
     thresholds,
 )
 from amoeboid.closed_forms.points import points
+from amoeboid.closed_forms.roots import roots_about
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
 from theory.sample_points import LAWS, sample_points, symbol_values
@@ -266,3 +267,24 @@ def test_arrays_give_what_single_points_give():
             assert function(many) == pytest.approx(expected, rel=1e-13)
         rates = growth_rate(points(many, D=np.array([[0.1], [0.2]])), [1] * len(POINTS))
         assert rates.shape == (2, len(POINTS))
+
+
+@pytest.mark.parametrize(
+    ("function", "roots", "most"),
+    [
+        (lambda x: np.where(x < 6.0, np.cos(x), 1.0), [np.pi / 2, 3 * np.pi / 2], 6),
+        (lambda x: np.arctan(50 * (x - 2.0)), [2.0], 6),
+        (lambda x: np.where(x < 3.0, 1.0 - x, x - 5.0), [1.0, 5.0], 6),
+        (lambda x: (x - 0.7) ** 3, [0.7], 20),
+        (lambda x: 1.0 / (x - 2.0), [], 20),
+    ],
+)
+def test_roots_are_met_in_few_calls_and_poles_are_none(function, roots, most):
+    calls = []
+
+    def counted(x):
+        calls.append(np.size(x))
+        return function(x)
+
+    assert list(roots_about(counted, 1.0)) == pytest.approx(roots, rel=1e-13)
+    assert len(calls) <= 1 + most * max(len(roots), 1)

@@ -135,7 +135,8 @@ def _bifurcation(
     """Where the real part of the k-th fastest rate passes zero between neighbors a and b."""
 
     def rate(point: Point) -> float:
-        rates = growth_rates(steady_state_at(p, name, point), m)
+        known = [q.rates[m] for q in (a, b) if q.point is point]
+        [rates] = known or [growth_rates(steady_state_at(p, name, point), m)]
         return float(rates[k].real) if k < rates.size else -1.0
 
     arc = on_one_system(Arc(a.point, a.point, b.point), options)

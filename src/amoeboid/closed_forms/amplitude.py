@@ -13,7 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.closed_forms.coupling import SHAPE_SQUARED, cubic_equations, fifth_order
+from amoeboid.closed_forms.coupling import (
+    SHAPE_SQUARED,
+    CubicEquations,
+    cubic_equations,
+    fifth_order,
+)
 from amoeboid.closed_forms.linear import critical_speed
 from amoeboid.closed_forms.points import AnyPoints, Points, finite_result, infinite_pressure
 from amoeboid.validation import InvalidInput
@@ -74,7 +79,11 @@ class SlavedHarmonic:
 @finite_result
 def second_harmonic(p: Points) -> SlavedHarmonic:
     """b and rho_2 at v_p0 and delta_P of p."""
-    e = cubic_equations(p)
+    return slaved(cubic_equations(p))
+
+
+def slaved(e: CubicEquations) -> SlavedHarmonic:
+    """`second_harmonic` from the equations at a point."""
     return SlavedHarmonic(e.lambda_2, e.Br, e.kappa_2, e.w_1)
 
 
@@ -110,7 +119,7 @@ def eliminated(p: Points) -> NormalForm:
     harmonic 2 or 3 is at its own threshold.
     """
     cubic, e = cubic_equations(p), fifth_order(p)
-    second = second_harmonic(p)
+    second = slaved(cubic)
     m_2, r_2 = second.at_rest(cubic.B2, cubic.Q2)
     third = SlavedHarmonic(e.lambda_3, e.Ds, e.kappa_3, cubic.w_1)
     m_3, r_3 = third.at_rest(
@@ -154,8 +163,12 @@ def cubic_coefficient_at_speed(p: Points) -> Array:
 
     Raises InvalidInput where harmonic 2 is at its own threshold.
     """
-    e = cubic_equations(p)
-    m_2, r_2 = second_harmonic(p).at_rest(e.B2, e.Q2)
+    return cubic_coefficient_of(cubic_equations(p))
+
+
+def cubic_coefficient_of(e: CubicEquations) -> Array:
+    """`cubic_coefficient_at_speed` from the equations at a point."""
+    m_2, r_2 = slaved(e).at_rest(e.B2, e.Q2)
     return e.A3 + e.A11 * m_2 + e.A1r * r_2
 
 
@@ -164,4 +177,9 @@ def bifurcation(p: AnyPoints) -> Array:
 
     That of mode 1 at delta_P of p; below `critical_pressure` mode 2 goes unstable before it.
     """
-    return np.where(cubic_coefficient(p) < 0, SUPERCRITICAL, SUBCRITICAL)
+    return kind_of(cubic_coefficient(p))
+
+
+def kind_of(nu: Array) -> Array:
+    """`bifurcation` from nu at the threshold."""
+    return np.where(nu < 0, SUPERCRITICAL, SUBCRITICAL)

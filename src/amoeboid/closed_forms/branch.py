@@ -9,7 +9,6 @@ sphere of the paper. Results have the shape that all arguments broadcast to.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,9 +19,12 @@ from amoeboid.closed_forms.amplitude import (
     NormalForm,
     at_threshold,
     cubic_coefficient_at_speed,
+    cubic_coefficient_of,
     eliminated,
     second_harmonic,
+    slaved,
 )
+from amoeboid.closed_forms.coupling import cubic_equations
 from amoeboid.closed_forms.flow import Harmonics, max_retrograde_speed
 from amoeboid.closed_forms.linear import (
     critical_pressure,
@@ -101,7 +103,7 @@ def branch(p: Points) -> BranchExpansion:
     The derivatives with respect to v_p0 are five-point differences. Raises InvalidInput without a
     threshold.
     """
-    return _onset(p).branch
+    return onset(p).branch
 
 
 @finite_result
@@ -123,7 +125,7 @@ def next_steady_amplitude(p: Points) -> SteadyAmplitude:
 
     The root that continues the cubic one; where there is none, `exists` is false.
     """
-    return _next_state(p, _onset(p))
+    return _next_state(p, onset(p))
 
 
 @finite_result
@@ -134,12 +136,14 @@ def trusted_distance(p: Points, tolerance: float = 0.1) -> Array:
     where v_4 is small by chance, the decay rate of the second harmonic changes by less than
     sqrt(tolerance).
     """
-    onset = _onset(p)
-    b = onset.branch
-    at = p.at_speed(b.v_p_critical)
-    slope, _ = _speed_derivatives(lambda q: second_harmonic(q).rate_at_rest, at)
+    return distance_from(onset(p), tolerance)
+
+
+def distance_from(at: Onset, tolerance: float = 0.1) -> Array:
+    """`trusted_distance` from what is known about the threshold."""
+    b = at.branch
     by_next_order = np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
-    by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(onset.second_rate, slope))
+    by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(at.second_rate, at.second_slope))
     return np.fmin(by_next_order, by_harmonic)
 
 
@@ -184,7 +188,11 @@ def prediction(p: Points) -> Prediction:
     >>> f"{found.max_retrograde_speed:.3f}, error about {found.relative_error:.0%}"
     '0.152, error about 17%'
     """
-    onset = _onset(p)
+    return prediction_from(onset(p), p)
+
+
+def prediction_from(onset: Onset, p: Points) -> Prediction:
+    """`prediction` from what is known about the threshold."""
     cubic = _cubic_state(p, onset.form.nu, onset.stable)
     following = _next_state(p, onset)
     speed = flow_speed_at_threshold(p, cubic.amplitude)
@@ -207,33 +215,39 @@ def prediction(p: Points) -> Prediction:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Onset:
+class Onset:
     """What the threshold and its neighborhood say: found once, used at every v_p0.
 
-    second_rate: the rate at rest of harmonic 2 [1/T]; nearness: delta_P*/delta_P, 1 at most;
+    second_rate, second_slope: the rate at rest of harmonic 2 [1/T], and its derivative with respect
+    to v_p0; nearness: delta_P*/delta_P, 1 at most;
     stable: the branch starts upwards, stable.
     """
 
     branch: BranchExpansion
     form: NormalForm
     second_rate: Array
+    second_slope: Array
     nearness: Array
     stable: Array
 
 
 @finite_result
-def _onset(p: Points) -> _Onset:
+def onset(p: Points) -> Onset:
+    """What `prediction` and `trusted_distance` need of the threshold; v_p0 of p is not used."""
     at = p.at_speed(critical_speed(p))
     form = eliminated(at)
-    slope, curvature = _speed_derivatives(lambda q: growth_rate(q, 1), at)
-    nu_slope, _ = _speed_derivatives(cubic_coefficient_at_speed, at)
+    e = cubic_equations(_at_five_speeds(at))
+    slope, curvature = _speed_derivatives(e.lambda_1, at)
+    nu_slope, _ = _speed_derivatives(cubic_coefficient_of(e), at)
+    second_slope, _ = _speed_derivatives(slaved(e).rate_at_rest, at)
     v_2 = -form.nu / slope
     v_4 = -(form.nu_5 + nu_slope * v_2 + curvature * v_2**2 / 2) / slope
     star = critical_pressure(p)
-    return _Onset(
+    return Onset(
         branch=BranchExpansion(v_p_critical=at.v_p0, v_2=v_2, v_4=v_4),
         form=form,
         second_rate=second_harmonic(at).rate_at_rest,
+        second_slope=second_slope,
         nearness=_ratio(star, np.maximum(star, p.delta_P)),
         stable=(form.nu < 0) & _others_decay(at),
     )
@@ -246,7 +260,7 @@ def _cubic_state(p: Points, nu: Array, stable: Array) -> SteadyAmplitude:
     return SteadyAmplitude(amplitude=amplitude, exists=exists, stable=exists & stable)
 
 
-def _next_state(p: Points, onset: _Onset) -> SteadyAmplitude:
+def _next_state(p: Points, onset: Onset) -> SteadyAmplitude:
     b = onset.branch
     distance = p.v_p0 - b.v_p_critical
     discriminant = b.v_2**2 + 4 * b.v_4 * distance
@@ -269,22 +283,21 @@ def _carried(form: NormalForm, a: Array) -> Harmonics:
 
 def _others_decay(p: Points) -> Array:
     """Whether every mode of the sphere but the first decays."""
-    return np.all([slowest_rate(p, l) < 0 for l in OTHER_MODES], axis=0)
+    return np.all(slowest_rate(p, _first_axis(np.array(OTHER_MODES), p)) < 0, axis=0)
 
 
-def _on_the_way(p: Points, onset: _Onset) -> tuple[Array, Array]:
+def _on_the_way(p: Points, onset: Onset) -> tuple[Array, Array]:
     """Largest `_judged` at geometrically spaced distances from the threshold up to that of p.
 
     Cubic and next order may cross farther out, which is no sign of accuracy.
     """
     critical = onset.branch.v_p_critical
-    distances = (2.0**-k * (p.v_p0 - critical) for k in range(HALVINGS))
-    judged = [_judged(p.at_speed(critical + d), onset) for d in distances]
-    estimates, excesses = zip(*judged, strict=True)
+    shares = _first_axis(2.0 ** -np.arange(HALVINGS), p)
+    estimates, excesses = _judged(p.at_speed(critical + shares * (p.v_p0 - critical)), onset)
     return np.max(estimates, axis=0), np.max(excesses, axis=0)
 
 
-def _judged(p: Points, onset: _Onset) -> tuple[Array, Array]:
+def _judged(p: Points, onset: Onset) -> tuple[Array, Array]:
     """Estimated relative error of the cubic speed, and its ratio to that of the next order.
 
     The error is the distance from the next order, and what that leaves out: the third harmonic, the
@@ -305,18 +318,28 @@ def _judged(p: Points, onset: _Onset) -> tuple[Array, Array]:
     return np.where(cubic.exists, estimate, 0.0), ratio
 
 
-def _change(p: Points, onset: _Onset) -> Array:
+def _change(p: Points, onset: Onset) -> Array:
     """Relative change of the decay rate of harmonic 2 since the threshold."""
     return np.abs(second_harmonic(p).rate_at_rest / onset.second_rate - 1)
 
 
-def _speed_derivatives(quantity: Callable[[Points], Array], p: Points) -> tuple[Array, Array]:
-    """First and second derivative with respect to v_p0, by five-point differences."""
+def _speed_derivatives(values: Array, p: Points) -> tuple[Array, Array]:
+    """First and second derivative with respect to v_p0, from the values `_at_five_speeds`."""
     h = STEP * p.v_p0
-    low2, low, mid, high, high2 = (quantity(p.at_speed(p.v_p0 + k * h)) for k in (-2, -1, 0, 1, 2))
+    low2, low, mid, high, high2 = np.broadcast_to(values, (5, *p.shape))
     first = (low2 - 8 * low + 8 * high - high2) / (12 * h)
     second = (-low2 + 16 * low - 30 * mid + 16 * high - high2) / (12 * h**2)
     return first, second
+
+
+def _at_five_speeds(p: Points) -> Points:
+    """The points at five speeds about their own, along a first axis of its own."""
+    return p.at_speed(p.v_p0 + _first_axis(np.arange(-2, 3), p) * (STEP * p.v_p0))
+
+
+def _first_axis(values: Array, p: Points) -> Array:
+    """Values (n,) along an axis before those of the points."""
+    return values.reshape(-1, *[1] * len(p.shape))
 
 
 def _ratio(a: Array, b: Array) -> Array:

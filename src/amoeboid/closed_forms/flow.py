@@ -121,11 +121,8 @@ def max_retrograde_speed(p: Points, c: Harmonics) -> Array:
         return np.abs(np.sin(theta) * (q0 + q1 * x + q2 * x**2))
 
     angles = np.linspace(0, np.pi, 33)[1:-1]
-    best, at = np.zeros_like(q0), np.full_like(q0, np.pi / 2)
-    for angle in angles:
-        value = speed(angle)
-        at = np.where(value > best, angle, at)
-        best = np.maximum(value, best)
+    values = speed(angles.reshape(-1, *[1] * q0.ndim))
+    best, at = values.max(axis=0), angles[values.argmax(axis=0)]
     step = angles[1] - angles[0]
     for _ in range(4):
         x, s = np.cos(at), np.sin(at)

@@ -11,6 +11,7 @@ have the shape that all arguments broadcast to.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
 from itertools import islice
@@ -266,14 +267,12 @@ def slowest_rate(p: Points, l: ArrayLike) -> Array:
 
     Of the two of a mode l >= 2 the real part of the one that decays slower or grows faster.
     """
-    rigid = growth_rate(p, l)
-    finite = np.isfinite(p.delta_P)
-    if not np.any(finite) or np.all(np.asarray(l) == 1):
-        return rigid
-    at = p.at_pressure(np.where(finite, p.delta_P, 0.0))
-    degree = np.asarray(l)
-    free = finite_pressure_rates(at, np.maximum(degree, 2))[..., 0].real
-    return np.where(finite & (degree >= 2), free, rigid)
+    which = np.isfinite(p.delta_P) & (np.asarray(l) >= 2)
+    if not np.any(which):
+        return growth_rate(p, l)
+    at = p if np.all(which) else p.at_pressure(np.where(np.isfinite(p.delta_P), p.delta_P, 0.0))
+    free = finite_pressure_rates(at, np.maximum(l, 2))[..., 0].real
+    return free if np.all(which) else np.where(which, free, growth_rate(p, l))
 
 
 @finite_result
@@ -323,11 +322,13 @@ def mode_onsets(p: AnyPoints, l_max: int = 6) -> dict[int, float]:
     elif np.any(first.onset):
         onsets[1] = float(first.v_p0[np.argmax(first.onset)])
     scale = onsets.get(1) or float(p.c_r) * float(p.beta * p.R0 + p.D / p.R0) or 1.0
-    for l in range(2, l_max + 1):
-        rate = partial(_slowest, p, l)
-        if _is_positive(rate, 0.0):
-            onsets[l] = 0.0
+    degrees = np.arange(2, l_max + 1)
+    with suppress(InvalidInput):  # the law is not defined without polymerization
+        onsets |= dict.fromkeys(degrees[_slowest(p, degrees, 0.0) > 0].tolist(), 0.0)
+    for l in degrees.tolist():
+        if l in onsets:
             continue
+        rate = partial(_slowest, p, l)
         roots = islice(roots_about(rate, scale), MAX_THRESHOLDS)
         rising = next((v for v in roots if _is_positive(rate, v * (1 + 1e-6))), None)
         if rising is not None:
@@ -344,7 +345,7 @@ def first_mode(p: AnyPoints, l_max: int = 6) -> FirstMode | None:
     return FirstMode(leading, onsets[leading])
 
 
-def _slowest(p: Points, l: int, v_p0: ArrayLike) -> Array:
+def _slowest(p: Points, l: ArrayLike, v_p0: ArrayLike) -> Array:
     return slowest_rate(p.at_speed(v_p0), l)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.numerics.bracketed import bounded_minimum, bracketed_root
+from amoeboid.numerics.bracketed import bounded_minimum
 from amoeboid.validation import InvalidInput
 
 DECADES = 8
@@ -17,6 +17,11 @@ POLE = 1e-6
 # Roots are sought where products with other quantities neither vanish nor overflow.
 SMALLEST = 1e-150
 PROBES = 8
+# A root is met to this precision. Every call of the function takes points all over the bracket, and
+# others about where the samples so far have the root, at these parts of the width of the bracket.
+PRECISION = 1e-14
+OFFSETS = np.array([1e-3, 1e-6, 1e-9])
+MAX_CALLS = 40
 
 Function = Callable[[Array], Array]
 
@@ -87,16 +92,39 @@ def _sample(function: Function, x: float) -> float:
 
 
 def _bracketed(function: Function, low: float, high: float) -> list[float]:
-    def scalar(v: float) -> float:
-        return _sample(function, v)
+    """The root between two values of different sign; none at a pole, or where one is refused."""
+    x = np.array([low, high])
+    y = _samples(function, x)
+    ends = np.abs(y).max()
+    for _ in range(MAX_CALLS):
+        if np.any(np.isnan(y)):
+            return []
+        k = int(np.flatnonzero(np.sign(y[:-1]) * np.sign(y[1:]) <= 0)[0])
+        a, b = x[k], x[k + 1]
+        nearest = a if abs(y[k]) <= abs(y[k + 1]) else b
+        if 0.0 in (y[k], y[k + 1]) or b - a <= PRECISION * abs(nearest):
+            around = _samples(function, nearest * (1 + np.array([-1e-12, 0.0, 1e-12])))
+            small = max(abs(around[0]), abs(around[2])) <= POLE * ends or around[1] == 0.0
+            return [float(nearest)] if small else []
+        some = slice(max(k - 1, 0), k + 3)
+        guess = _inverse(x[some], y[some])
+        guess = guess if a < guess < b else a + (b - a) / 2
+        apart = np.append(OFFSETS * (b - a), PRECISION / 3 * abs(guess))
+        near = np.concatenate([guess - apart, [guess], guess + apart])
+        inside = np.concatenate([np.linspace(a, b, PROBES)[1:-1], near[(near > a) & (near < b)]])
+        x = np.unique(np.concatenate([x[some], inside]))
+        y = _samples(function, x)
+    return []
 
-    try:
-        root = bracketed_root(scalar, low, high, xtol=1e-300, rtol=1e-14)
-    except ValueError:  # NaN in between: the function is refused there
-        return []
-    ends = max(abs(scalar(low)), abs(scalar(high)))
-    near = [scalar(root * (1 - 1e-12)), scalar(root * (1 + 1e-12))]
-    return [root] if max(map(abs, near)) <= POLE * ends or scalar(root) == 0.0 else []
+
+def _inverse(x: Array, y: Array) -> float:
+    """Where y = 0 by interpolation of x as a polynomial of y."""
+    apart = y[:, None] - y
+    np.fill_diagonal(apart, 1.0)
+    with np.errstate(all="ignore"):
+        shares = -y / apart
+        np.fill_diagonal(shares, 1.0)
+        return float(np.sum(x * np.prod(shares, axis=1)))
 
 
 def _about_extremum(function: Function, low: float, high: float, sign: float) -> list[float]:

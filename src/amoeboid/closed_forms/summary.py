@@ -9,18 +9,21 @@ import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.closed_forms.amplitude import (
-    bifurcation,
     cubic_coefficient,
+    cubic_coefficient_of,
+    kind_of,
     normal_form_at_infinite_pressure,
-    second_harmonic,
+    slaved,
 )
 from amoeboid.closed_forms.branch import (
+    Onset,
     Prediction,
     SteadyAmplitude,
+    distance_from,
     flow_speed_at_threshold,
-    prediction,
+    onset,
+    prediction_from,
     steady_amplitude,
-    trusted_distance,
 )
 from amoeboid.closed_forms.coupling import cubic_equations
 from amoeboid.closed_forms.flow import Harmonics, rho_2
@@ -35,7 +38,7 @@ from amoeboid.closed_forms.linear import (
     growth_rate,
     thresholds,
 )
-from amoeboid.closed_forms.points import infinite_pressure
+from amoeboid.closed_forms.points import infinite_pressure, points
 from amoeboid.display import shown
 from amoeboid.model.parameters import Parameters
 from amoeboid.validation import InvalidInput
@@ -102,6 +105,7 @@ class _AtThreshold(_Bifurcation):
     """What `Weakly` says about the threshold, with notes, and why the error is not known, if so."""
 
     trusted_distance: float | None
+    around: Onset | None
     notes: tuple[str, ...]
     no_estimate: str
 
@@ -166,14 +170,15 @@ def _at_threshold(p: Parameters, found: Thresholds) -> tuple[_AtThreshold | None
         return None, (f"no threshold: {found.reason}",)
     at, rigid = p.replace(v_p0=float(critical_speed(p))), infinite_pressure(p)
     try:
-        m_2, r_2 = _slaved(at)
-        kind, rigid_kind = str(bifurcation(p)), str(bifurcation(rigid))
+        e = cubic_equations(at)
+        m_2, r_2 = (float(value) for value in slaved(e).at_rest(e.B2, e.Q2))
+        nu, rigid_nu = float(cubic_coefficient_of(e)), float(cubic_coefficient(rigid))
     except InvalidInput as error:
         return None, (f"no amplitude equation: {error}",)
     notes = []
     if found.v_p0.size > 1:
         notes.append("this law has several thresholds; nu and the flow refer to the lowest")
-    rigid_nu = float(cubic_coefficient(rigid))
+    kind, rigid_kind = str(kind_of(np.asarray(nu))), str(kind_of(np.asarray(rigid_nu)))
     if kind != rigid_kind:
         notes.append(
             f"the bifurcation is {kind} at this pressure and {rigid_kind} for delta_P -> infinity, "
@@ -184,16 +189,17 @@ def _at_threshold(p: Parameters, found: Thresholds) -> tuple[_AtThreshold | None
         star = float(critical_pressure(p))
     except InvalidInput as error:
         notes.append(f"no delta_P*: {error}")
-    nu_5, distance, no_estimate = None, None, ""
+    nu_5, distance, around, no_estimate = None, None, None, ""
     try:
         nu_5 = float(normal_form_at_infinite_pressure(p).nu_5)
-        distance = float(trusted_distance(p))
+        around = onset(p)
+        distance = float(distance_from(around))
     except InvalidInput as error:
         no_estimate = str(error)
     return (
         _AtThreshold(
             v_p_critical=at.v_p0,
-            nu=float(cubic_coefficient(p)),
+            nu=nu,
             m_2=m_2,
             r_2=r_2,
             bifurcation=kind,
@@ -202,6 +208,7 @@ def _at_threshold(p: Parameters, found: Thresholds) -> tuple[_AtThreshold | None
             bifurcation_infinite_pressure=rigid_kind,
             delta_P_star=star,
             trusted_distance=distance,
+            around=around,
             notes=tuple(notes),
             no_estimate=no_estimate,
         ),
@@ -211,14 +218,15 @@ def _at_threshold(p: Parameters, found: Thresholds) -> tuple[_AtThreshold | None
 
 def _weakly(p: Parameters, at: _AtThreshold) -> tuple[Weakly, list[str]]:
     """What the amplitude equation says at a v_p0, and notes."""
-    state, notes = steady_amplitude(p), [*at.notes]
+    notes = [*at.notes]
     nu_5, predicted, distance = at.nu_5_infinite_pressure, None, None
     try:
-        if at.no_estimate:
+        if at.around is None:
             raise InvalidInput(at.no_estimate)
-        predicted, distance = prediction(p), at.trusted_distance
+        predicted, distance = prediction_from(at.around, points(p)), at.trusted_distance
     except InvalidInput as error:
         notes.append(f"no error estimate: {error}")
+    state = steady_amplitude(p) if predicted is None else predicted.state
     return (
         Weakly(
             v_p_critical=at.v_p_critical,
@@ -238,13 +246,6 @@ def _weakly(p: Parameters, at: _AtThreshold) -> tuple[Weakly, list[str]]:
         ),
         notes,
     )
-
-
-def _slaved(at: Parameters) -> tuple[float, float]:
-    """m_2 and r_2 at a threshold. Raises InvalidInput."""
-    e = cubic_equations(at)
-    m_2, r_2 = second_harmonic(at).at_rest(e.B2, e.Q2)
-    return float(m_2), float(r_2)
 
 
 def _first_mode_notes(

@@ -16,6 +16,7 @@ from amoeboid.numerics.compiled_machine import (
     ROOT,
     SINE,
     SUM,
+    TOTAL,
 )
 
 OF_TWO: dict[int, np.ufunc] = {
@@ -32,6 +33,8 @@ def run_steps(steps: Array, matrices: Array, rows: Array, begin: int, end: int) 
         for found, (code, a, b) in zip(row[first:], steps[begin:end].tolist(), strict=False):
             if code == IMAGE:
                 np.matmul(row[b], matrices[a], found)
+            elif code == TOTAL:
+                found[:] = row[a] @ row[b]
             elif code in OF_TWO:
                 OF_TWO[code](row[a], row[b], found)
             elif code != GIVEN:
@@ -55,7 +58,7 @@ def jacobian(
     pairs = terms.tolist()
     column = rows[:, :, None]
     line = 0
-    for matrix, count, begin, end in fields.tolist():
+    for matrix, count, begin, end, _ in fields.tolist():
         total = np.zeros((count, size), rows.dtype)
         for diagonal, which in pairs[begin:end]:
             total[:, places[which]] += column[diagonal, :count] * known[which][:count]

@@ -11,7 +11,7 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.numerics.compiled import compiled, nested
 
-(NEGATIVE, SUM, DIFFERENCE, PRODUCT, QUOTIENT, IMAGE, SINE, COSINE, ROOT, GIVEN) = range(10)
+(NEGATIVE, SUM, DIFFERENCE, PRODUCT, QUOTIENT, IMAGE, SINE, COSINE, ROOT, GIVEN, TOTAL) = range(11)
 
 
 @nested
@@ -21,6 +21,15 @@ def _multiply(matrix, x, found):  # type: ignore[no-untyped-def]
     for j in range(x.size):
         for i in range(found.size):
             found[i] += matrix[j, i] * x[j]
+
+
+@nested
+def _add_up(weights, x, found):  # type: ignore[no-untyped-def]
+    """found = weights @ x, everywhere."""
+    total = weights[0] * x[0]
+    for i in range(1, x.size):
+        total += weights[i] * x[i]
+    found[:] = total
 
 
 @compiled
@@ -40,6 +49,9 @@ def run_steps(steps: Array, matrices: Array, rows: Array, begin: int, end: int) 
         if code == GIVEN:
             continue
         first = rows[a]
+        if code == TOTAL:
+            _add_up(first, rows[b], found)
+            continue
         for i in range(n):
             if code == NEGATIVE:
                 found[i] = -first[i]
@@ -70,21 +82,43 @@ def _add(total, diagonal, block, count, low, high):  # type: ignore[no-untyped-d
 
 @nested
 def _multiply_columns(matrix, block, found, low, high):  # type: ignore[no-untyped-def]
-    """found = matrix @ block in the same columns, with the transposed matrix; four rows at once."""
+    """found = matrix @ block in the same columns, with the transposed matrix.
+
+    Two rows are found at once, from four of the block: each number that is loaded serves twice.
+    """
     rows = len(block)
-    for i in range(len(found)):
-        line = found[i, low:high]
-        line[:] = 0.0
+    for start in range(0, len(found), 2):
+        i = min(start, len(found) - 2)  # the last but one of an odd number is found twice
+        one, two = found[i, low:high], found[i + 1, low:high]
+        one[:] = 0.0
+        two[:] = 0.0
         for k in range(0, rows - 3, 4):
             b0, b1 = block[k, low:high], block[k + 1, low:high]
             b2, b3 = block[k + 2, low:high], block[k + 3, low:high]
             f0, f1, f2, f3 = matrix[k, i], matrix[k + 1, i], matrix[k + 2, i], matrix[k + 3, i]
-            for j in range(line.size):
-                line[j] += (f0 * b0[j] + f1 * b1[j]) + (f2 * b2[j] + f3 * b3[j])
+            g0, g1 = matrix[k, i + 1], matrix[k + 1, i + 1]
+            g2, g3 = matrix[k + 2, i + 1], matrix[k + 3, i + 1]
+            for j in range(one.size):
+                one[j] += (f0 * b0[j] + f1 * b1[j]) + (f2 * b2[j] + f3 * b3[j])
+                two[j] += (g0 * b0[j] + g1 * b1[j]) + (g2 * b2[j] + g3 * b3[j])
         for k in range(rows - rows % 4, rows):
-            last, factor = block[k, low:high], matrix[k, i]
-            for j in range(line.size):
-                line[j] += factor * last[j]
+            last, f, g = block[k, low:high], matrix[k, i], matrix[k, i + 1]
+            for j in range(one.size):
+                one[j] += f * last[j]
+                two[j] += g * last[j]
+
+
+@nested
+def _multiply_row(row, block, found, low, high):  # type: ignore[no-untyped-def]
+    """All rows of found = row @ block in the same columns."""
+    first = found[0, low:high]
+    first[:] = 0.0
+    for k in range(len(block)):
+        factor, added = row[k], block[k, low:high]
+        for j in range(first.size):
+            first[j] += factor * added[j]
+    for i in range(1, len(found)):
+        found[i, low:high] = first
 
 
 @compiled
@@ -99,17 +133,17 @@ def jacobian(
 ) -> Array:
     """The derivatives of all equations, each divided by its entry of `scales`.
 
-    `fields` (count, 4): the matrix that the field is multiplied with, or -1 for an equation; its
-    number of values; its first term and the one after its last. `terms` (count, 2): the row of a
-    diagonal, and a map: one of `maps`, or after them of the products so far. `spans` (count, 2) are
-    the columns of each of these.
+    `fields` (count, 5): the matrix that the field is multiplied with, or -1 for an equation; its
+    number of values; its first term and the one after its last; the rows of the matrix. `terms`
+    (count, 2): the row of a diagonal, and a map: one of `maps`, or after them of the products so
+    far. `spans` (count, 2) are the columns of each of these.
     """
     n, size = rows.shape[1], maps.shape[2]
-    found = np.zeros((scales.size, size), rows.dtype)
-    images = np.zeros((len(spans) - len(maps), n, size), rows.dtype)
-    total = np.zeros((n, size), rows.dtype)
+    found = np.empty((scales.size, size), rows.dtype)
+    images = np.empty((len(spans) - len(maps), n, size), rows.dtype)
+    total = np.empty((n, size), rows.dtype)
     product = line = 0
-    for matrix, count, begin, end in fields:
+    for matrix, count, begin, end, made in fields:
         total[:] = 0.0
         for k in range(begin, end):
             which = terms[k, 1]
@@ -125,6 +159,9 @@ def jacobian(
                 line += 1
         else:
             low, high = spans[len(maps) + product]
-            _multiply_columns(matrices[matrix], total, images[product], low, high)
+            if made == 1:
+                _multiply_row(matrices[matrix, :, 0], total, images[product], low, high)
+            else:
+                _multiply_columns(matrices[matrix], total, images[product], low, high)
             product += 1
     return found

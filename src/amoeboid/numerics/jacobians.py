@@ -81,9 +81,11 @@ def recorded(function: Callable[..., Sequence[Any]], n: int, size: int, inputs: 
     for number, d, count in rows:
         begin = len(terms)
         terms += [(everything.row[a], place[k]) for k, a in d.items()]
-        table.append((len(matrices) if number >= 0 else -1, count, begin, len(terms)))
+        made = count
         if number >= 0:
             matrices.append(record.array(record.steps[number][1][0]))
+            made = matrices[-1].shape[0]
+        table.append((len(matrices) - 1 if number >= 0 else -1, count, begin, len(terms), made))
     maps = np.zeros((len(numbers), n, size))
     spans = np.zeros((len(place), 2), dtype=int)
     for k, (first, matrix) in enumerate(numbers.values()):

@@ -33,6 +33,8 @@ def rows_of(program: Program, inputs: Any, jnp: Any, barrier: Any) -> list[Any]:
             given |= dict(zip(relation.results, found, strict=True))
         if code == CODES["matmul"]:
             row = rows[b] @ program.matrices[a]
+        elif code == CODES["total"]:
+            row = jnp.sum(rows[a] * rows[b], axis=1, keepdims=True)
         elif code == CODES["relation"]:
             row = given.get(begin + k)
         elif code in unary:
@@ -62,7 +64,7 @@ def residual_and_jacobian(
         for block, whole in zip(of.maps, of.spans.tolist(), strict=False)
     ]
     lines: list[Any] = []
-    for matrix, count, begin, end in of.fields.tolist():
+    for matrix, count, begin, end, _ in of.fields.tolist():
         total: dict[tuple[int, int], Any] = {}
         for row, which in of.terms[begin:end].tolist():
             diagonal = rows[row][:, :count, None]

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.numerics.bracketed import bracketed_root
 from amoeboid.numerics.branch_points import (
     Options,
     Point,
@@ -41,8 +42,6 @@ def located(
     between points just beside it, at most `widths` of the way from a to b off. Raises Stalled if
     those cannot be reached either.
     """
-    from scipy.optimize import brentq  # takes 0.3 s to import, and not every arc has a point
-
     first = a if after is None else after
     begin, span = first.length - a.length, b.length - a.length
     known = {begin: (first, test(first)), span: (b, test(b))}
@@ -61,7 +60,7 @@ def located(
         return known[distance][1]
 
     try:
-        root = brentq(at, begin, span, xtol=1e-9 * span, rtol=1e-13)
+        root = bracketed_root(at, begin, span, xtol=1e-9 * span, rtol=1e-13)
         at(root)
         point = known[root][0]
     except Stalled:

@@ -123,6 +123,11 @@ class Record:
             return ()
         return arguments[1:] if name in ("matmul", "relation") else arguments
 
+    def is_total(self, number: int) -> bool:
+        """Whether a step is a product with a matrix of one row."""
+        name, arguments = self.steps[number]
+        return name == "matmul" and self.array(arguments[0]).shape[0] == 1
+
     def constant_value(self, number: int) -> Any:
         """The number or array of a constant."""
         name, [value] = self.steps[number]
@@ -231,7 +236,7 @@ _RULES: dict[str, Callable[[Record, int, Any, list[Partials]], Partials]] = {
 
 # Codes of the steps for `machine`; relations are called from here, see `Program.run`.
 CODES = {"neg": 0, "add": 1, "sub": 2, "mul": 3, "truediv": 4, "matmul": 5, "sin": 6, "cos": 7,
-         "sqrt": 8, "relation": 9, "first": 9, "second": 9}  # fmt: skip
+         "sqrt": 8, "relation": 9, "first": 9, "second": 9, "total": 10}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +253,8 @@ class Relation:
 class Program:
     """Steps on rows of n numbers: constants, then inputs, then what each step makes of two rows.
 
-    A matrix of one row makes a row of one number, n times. `row` is where the result of a step of
-    the record is.
+    A matrix of one row is a constant: its step makes one number, n times. `row` is where the result
+    of a step of the record is.
     """
 
     constants: Array
@@ -292,6 +297,8 @@ def program(record: Record, wanted: Iterable[int], order: int, n: int) -> Progra
         if number not in needed:
             needed.add(number)
             waiting.extend(record.arguments(number))
+            if record.is_total(number):
+                waiting.append(record.steps[number][1][0])
     kinds = {number: record.steps[number][0] for number in sorted(needed)}
     constants = [k for k, name in kinds.items() if name in ("constant", "array")]
     inputs = [k for k, name in kinds.items() if name == "input"]
@@ -301,7 +308,9 @@ def program(record: Record, wanted: Iterable[int], order: int, n: int) -> Progra
     table, relations = [], []
     for number in steps:
         name, arguments = record.steps[number]
-        if name == "matmul":
+        if record.is_total(number):
+            table.append((CODES["total"], row[arguments[0]], row[arguments[1]]))
+        elif name == "matmul":
             first = matrices.setdefault(arguments[0], len(matrices))
             table.append((CODES[name], first, row[arguments[1]]))
         elif name == "relation":
