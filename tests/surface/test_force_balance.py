@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -22,6 +24,7 @@ from amoeboid.surface.force_balance import (
     normal_force,
     pressure_force,
     tension_force,
+    turning_responses,
 )
 from amoeboid.surface.frame import rigid_motions
 from amoeboid.surface.initial import sphere
@@ -178,3 +181,24 @@ def test_the_response_to_tension_solves_the_balance_of_the_factorized_shape():
     v_n = np.einsum("vi,vi->v", factorized.dv_dzeta0, g.normals)
     drift = (g.node_areas * v_n) @ (r - volume_centroid(r, mesh.faces))
     assert np.abs(drift).max() < 1e-9 * np.abs(v_n).max()
+
+
+@pytest.mark.parametrize("friction", [{}, {"gamma_c": 0.3, "gamma_n": 0.1}])
+def test_responses_to_a_rotating_frame_are_differences_of_force_balances(friction):
+    """A frame that rotates faster moves the nodes as the force balance has it."""
+    model, state = sphere(Parameters(D=0.4, v_p0=5.0, **friction), 1)
+    x = state.r
+    state = replace(state, r=x * (1.0, 1.1, 0.9), c=state.c * (1.0 + 0.2 * x[:, 2]))
+    g = geometry(state.r, model.mesh.faces)
+    factorized = factorized_cortex(model, state.r, state.c, g, 0.5, 300.0)
+    v_c = 0.1 * np.cross((0.3, 0.2, -0.5), state.r)
+    turning = np.array([0.2, 0.0, -0.1])
+
+    def v(omega):
+        return force_balance(
+            model, factorized, state.r, g, state.c, 300.0, v_c=v_c, turning=omega
+        ).v(300.0)
+
+    found = turning_responses(model, factorized, state.r, g, state.c, v_c, turning)
+    expected = np.stack([v(turning + axis) - v(turning) for axis in np.eye(3)])
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()

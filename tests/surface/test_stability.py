@@ -133,7 +133,7 @@ def test_growth_rate_does_not_depend_on_position_and_direction():
 
 
 def test_errors_are_known_where_the_map_is_far_from_normal():
-    """Those of the step are multiplied by 30 to 130 there: with rough ones little is known."""
+    """Those of the step are multiplied by 30 to 130 there."""
     step, exact = still(SWEPT, 3), fastest_axisymmetric(SWEPT)
     sharp = leading_growth_rate(step.model, step.state, step.flow, tolerance=1e-8, max_error=1e-3)
     print(sharp, exact)
@@ -143,7 +143,25 @@ def test_errors_are_known_where_the_map_is_far_from_normal():
         found = leading_growth_rate(step.model, step.state, step.flow, tolerance=tolerance)
         print(tolerance, found)
         assert abs(found.rate - sharp.rate) < found.error
-        assert found.error > 20 * tolerance
+        # rough steps are known as well as that at best; those that the rate depends on improve
+        assert found.error > 3 * tolerance
+
+
+@pytest.mark.parametrize("p", [STIFF, TURNS, NO_TURNOVER], ids=["stable", "unstable", "beta = 0"])
+def test_roughly_solved_steps_give_the_rate_of_precise_ones_with_fewer_iterations(p, monkeypatch):
+    step, calls = still(p, 2), []
+    iterate = LinearizedStep.iterate
+    monkeypatch.setattr(
+        LinearizedStep, "iterate", lambda *args, **side: calls.append(1) or iterate(*args, **side)
+    )
+    rough = leading_growth_rate(step.model, step.state, step.flow)
+    few = len(calls)
+    monkeypatch.setattr(stability, "ROUGH_IMAGE", 0.0)
+    precise = leading_growth_rate(step.model, step.state, step.flow)
+    print(rough, precise, few, len(calls) - few)
+    assert abs(rough.rate - precise.rate) < max(rough.error, precise.error)
+    assert np.sign(rough.rate) == np.sign(precise.rate)
+    assert few < 0.85 * (len(calls) - few)
 
 
 def test_growth_rate_that_does_not_converge_has_a_known_error(monkeypatch):
@@ -272,6 +290,17 @@ def test_the_linearized_step_is_the_difference_of_two_steps(monkeypatch):
     assert np.abs(found - expected).max() < 2e-3 * np.abs(expected).max()
 
 
+@pytest.mark.parametrize("p", [STIFF, replace(STIFF, gamma_c=0.3, kappa=0.01)])
+def test_a_perturbation_before_the_step_needs_no_force_balance(p):
+    """S y from a response of the flow is that from the equations of the step."""
+    model, state, flow = resting(p, 1)
+    linearized = LinearizedStep(model, state, flow, 0.5)
+    y = stability._start(state, model)
+    expected = linearized.iterate(np.zeros(linearized.n), y)
+    found = linearized.before(y)
+    assert np.abs(found - expected).max() < 1e-6 * np.abs(expected).max()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("p", "subdivisions", "error"),
@@ -328,7 +357,10 @@ def test_growth_rate_is_that_of_the_fastest_growing_mode():
 def test_growth_rate_is_not_accepted_too_early(monkeypatch):
     factors = [0.5] * 5 + [0.9] * 5
     one = np.ones((1, 1), complex)
-    found = [Ritz(np.array([mu + 0j]), np.zeros(1), np.ones(1), one, [one]) for mu in factors]
+    found = [
+        Ritz(np.array([mu + 0j]), np.zeros(1), np.ones(1), np.zeros(1), one, one.real, one.real)
+        for mu in factors
+    ]
     monkeypatch.setattr(stability, "ritz_values", lambda *_: iter(found))
     monkeypatch.setattr(RestrictedStep, "residual", lambda *_: 0.0)
     step = still(STIFF, 2)
@@ -360,7 +392,7 @@ def oscillating(p, subdivisions, applications=20):
     step = still(p, subdivisions)
     dt = stability.STEP / step.model.rate
     restricted = RestrictedStep(step.model, step.state, step.flow, dt, 1e-6)
-    found = ritz_values(restricted.image, restricted.start())
+    found = ritz_values(restricted.images(1e-6), restricted.start())
     values = next(v.values for k, v in enumerate(found, 1) if k == applications)
     rates = (1 - 1 / values[np.abs(values) > stability.MIN_FACTOR]) / dt
     return max(rates[rates.imag > 0.5], key=lambda x: x.real)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from amoeboid.arrays import Array
 
@@ -19,14 +19,31 @@ def real_harmonic(degree: int, order: int, directions: ArrayLike) -> Array:
     >>> real_harmonic(2, 0, [[0.0, 0.0, 3.0], [1.0, 0.0, 0.0]])
     array([ 1. , -0.5])
     """
-    l, m = degree, order  # noqa: E741
+    distance, z, wave = _angles(directions)
+    return _harmonic(degree, order, distance, z, wave)
+
+
+def real_harmonics(degree: int, directions: ArrayLike) -> Array:
+    """All `real_harmonic` of degrees 0 to `degree`, (degree + 1)^2 rows: l = 0; 1, m = -1; ..."""
+    angles = _angles(directions)
+    return np.stack(
+        [_harmonic(l, m, *angles) for l in range(degree + 1) for m in range(-l, l + 1)]  # noqa: E741
+    )
+
+
+def _angles(directions: ArrayLike) -> tuple[Array, Array, NDArray[np.complex128]]:
+    """Whether `directions` have a length (0 if not), cos(theta), and sin(theta) exp(i phi)."""
     vectors = np.asarray(directions, dtype=float)
     largest = np.abs(vectors).max(axis=-1, keepdims=True)  # its square may be too small a number
     vectors = vectors / np.where(largest > 0, largest, 1.0)
     distance = np.linalg.norm(vectors, axis=-1)
     x, y, z = np.moveaxis(vectors, -1, 0) / np.where(distance > 0, distance, 1.0)
-    wave = (x + 1j * y) ** abs(m)  # sin(theta)^|m| exp(i |m| phi)
-    values = _polynomial(l, abs(m), z) * (wave.imag if m < 0 else wave.real)
+    return distance, z, x + 1j * y
+
+
+def _harmonic(l: int, m: int, distance: Array, z: Array, wave: NDArray[np.complex128]) -> Array:  # noqa: E741
+    turned = wave ** abs(m)  # sin(theta)^|m| exp(i |m| phi)
+    values = _polynomial(l, abs(m), z) * (turned.imag if m < 0 else turned.real)
     return np.asarray(np.where((distance > 0) | (l == 0), values, 0.0))
 
 

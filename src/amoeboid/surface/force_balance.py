@@ -207,6 +207,51 @@ def force_balance(
     return TensionFlow(v - zeta0 * factorized.dv_dzeta0, factorized.dv_dzeta0, v_p)
 
 
+def turning_responses(
+    model: Model,
+    factorized: FactorizedCortex,
+    r: Array,
+    g: Geometry,
+    c: Array,
+    v_c: Array,
+    turning: Array | None = None,
+) -> Array:
+    """Changes (3, V, 3) of the velocity of `force_balance` by unit angular velocities of the frame.
+
+    Around the three axes, beside `turning` (3,); on the factorized shape, where the flow is `v_c`.
+    """
+    v_p = model.v_p(r, c)[:, None] * g.normals
+    start = np.zeros(3) if turning is None else turning
+    still, *turned = (
+        factorized.frame.at(model, r, g, c, v_p, rotation(start + more, r))
+        for more in (np.zeros(3), *np.eye(3))
+    )
+    known = still.force(v_c)
+    forces = np.stack([frame.force(v_c) - known for frame in turned])
+    driven = np.zeros_like(forces).reshape(3, -1)
+    if forces.any():
+        driven = factorized.factor.solve(np.ascontiguousarray(forces.reshape(3, -1).T)).T
+    at_rest = still.fulfilled(np.zeros_like(driven[0]))
+    found = zip(turned, driven, strict=True)
+    return np.stack([frame.fulfilled(np.array(w)) - at_rest for frame, w in found])
+
+
+def velocity_of_motion(
+    model: Model, factorized: FactorizedCortex, r: Array, g: Geometry, c: Array, along: Array
+) -> Array:
+    """Change (V, 3) of the velocity of `force_balance` on the factorized shape by `ahead`.
+
+    `along` (V,): the part of -`ahead` along the normals.
+    """
+    still = np.zeros_like(r)
+    resisted = product(factorized.tension, model.mesh, along)
+    if factorized.bending is not None:
+        resisted += model.parameters.kappa * factorized.bending.product(along)
+    force = -resisted[:, None] * factorized.normals
+    frame = factorized.frame.at(model, r, g, c, still, None)
+    return frame.fulfilled(factorized.factor.solve(force.ravel()))
+
+
 def tension_force(r: Array, g: Geometry, faces: Index) -> Array:
     """Minus the node forces of a unit of tension (V, 3): the normal part of dA/dr [L]."""
     return normal_force(area_gradient(g, faces), r, g)

@@ -60,32 +60,32 @@ class FreeFrame:
 
         `turned` (V, 3): the velocity of the nodes with rotating axes, None where these are fixed.
         """
-        kept = constraints(r, g, model.mesh.faces)
-        drift = np.concatenate([kept[:, :3].T @ v_p.ravel(), np.zeros(3)])
+        kept = Constraints.on(r, g, model.mesh.faces)
+        drift = np.concatenate([kept.of(v_p)[:3], np.zeros(3)])
         if turned is not None:
-            drift[3:] = kept[:, 3:].T @ turned.ravel()
+            drift[3:] = kept.of(turned)[3:]
         return FreeMotions(self.free, kept, drift)
 
 
 @dataclass(frozen=True, eq=False)
 class FreeMotions:
-    """The constraints `kept` (3V, 6), and what v_p and the frame contribute to them, `drift`."""
+    """The constraints `kept`, and what v_p and the frame contribute to them, `drift` (6,)."""
 
     free: Array
-    kept: Array
+    kept: Constraints
     drift: Array | float
 
     def force(self, v_c: Array | None) -> Array:
         """Forces (V, 3) of the surroundings: none."""
-        return np.zeros((len(self.kept) // 3, 3))
+        return np.zeros((len(self.free) // 3, 3))
 
     def fulfilled(self, v_c: Array) -> Array:
         """v_c (3V,) as (V, 3), plus free motions to fulfill the constraints.
 
         The forces that drive these motions vanish with the time step and the mesh width.
         """
-        excess = self.kept.T @ v_c + self.drift
-        free = self.free @ np.linalg.solve(self.kept.T @ self.free, excess)
+        excess = self.kept.of(v_c) + self.drift
+        free = self.free @ np.linalg.solve(self.kept.of(self.free), excess)
         return np.asarray((v_c - free).reshape(-1, 3))
 
 
@@ -93,9 +93,10 @@ def free_frame(
     model: Model, factor: Factor, r: Array, g: Geometry, force: Array
 ) -> tuple[FreeFrame, Array]:
     """The frame of the factorized shape, and the velocity (V, 3) that `force` (3V, 1) drives."""
-    kept = constraints(r, g, model.mesh.faces)
-    response = factor.solve(np.hstack([force, kept[:, 3:]]))
-    frame = FreeFrame(np.hstack([rigid_motions(r, g)[:, :3], response[:, 1:]]))
+    motions, areas = rigid_motions(r, g), np.repeat(g.node_areas, 3)[:, None]
+    response = factor.solve(np.hstack([force, areas * motions[:, 3:]]))
+    frame = FreeFrame(np.hstack([motions[:, :3], response[:, 1:]]))
+    kept = Constraints.on(r, g, model.mesh.faces)
     return frame, FreeMotions(frame.free, kept, 0.0).fulfilled(response[:, 0])
 
 
@@ -116,17 +117,20 @@ class ResistedFrame:
         drag = Drag.on(model, g, c)
         assert drag is not None  # noqa: S101  # the parameters are those that were factorized
         carried = np.zeros_like(r) if turned is None else turned
-        kept = constraints(r, g, model.mesh.faces)[:, :3]
+        kept = Constraints.on(r, g, model.mesh.faces)
         return ResistedMotions(self, drag, kept, rigid_motions(r, g), v_p, carried)
 
 
 @dataclass(frozen=True, eq=False)
 class ResistedMotions:
-    """The friction on one shape: `kept` (3V, 3) keep the center at rest, `motions` (3V, 6)."""
+    """The friction on one shape: of `kept` the first three keep the center at rest.
+
+    `motions` (3V, 6): the rigid ones.
+    """
 
     frame: ResistedFrame
     drag: Drag
-    kept: Array
+    kept: Constraints
     motions: Array
     v_p: Array
     carried: Array
@@ -150,8 +154,9 @@ class ResistedMotions:
         moved = self._resisting(responses)
         moved[:, :3] += self._resisting(motions[:, :3])
         at_rest = self.drag.resisting(v_c.reshape(-1, 3) + self.carried, self.v_p).ravel()
-        matrix = np.vstack([self.kept.T @ responses, motions.T @ moved])
-        excess = np.concatenate([self.kept.T @ (v_c + self.v_p.ravel()), motions.T @ at_rest])
+        matrix = np.vstack([self.kept.of(responses)[:3], motions.T @ moved])
+        drift = self.kept.of(v_c + self.v_p.ravel())[:3]
+        excess = np.concatenate([drift, motions.T @ at_rest])
         return np.asarray((v_c - responses @ np.linalg.solve(matrix, excess)).reshape(-1, 3))
 
     def _resisting(self, motions: Array) -> Array:
@@ -170,36 +175,54 @@ def resisted_frame(
     translations = motions[:, :3].reshape(-1, 3, 3)
     moved = np.einsum("vij,vjk->vik", drag.of_cortex, translations).reshape(-1, 3)
     response = factor.solve(np.hstack([force, -moved, areas * motions]))
-    frame = ResistedFrame(response[:, 1:], drag)
+    frame = ResistedFrame(np.ascontiguousarray(response[:, 1:]), drag)
     still = np.zeros_like(r)
-    kept = constraints(r, g, model.mesh.faces)[:, :3]
+    kept = Constraints.on(r, g, model.mesh.faces)
     motion = ResistedMotions(frame, drag, kept, motions, still, still)
     return frame, motion.fulfilled(response[:, 0])
 
 
-def constraints(r: Array, g: Geometry, faces: Index) -> Array:
-    """Columns (3V, 6) whose products with a velocity vanish in the frame of the cell.
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """Six sums over the velocities of the nodes that vanish in the frame of the cell.
 
     The first three apply to v = v_c + v_p: the volume times the velocity of its center. The other
-    three apply to v_c: its rotation.
+    three apply to v_c: its rotation. `centered`, `about` (V, 3): the nodes as seen from the centers
+    of volume and area.
     """
-    about = r - area_centroid(r, g)
-    centered = r - volume_centroid(r, faces)
-    return np.asarray(_constraints(centered, about, g.node_areas, g.normals).reshape(-1, 6))
+
+    centered: Array
+    about: Array
+    g: Geometry
+
+    @classmethod
+    def on(cls, r: Array, g: Geometry, faces: Index) -> Constraints:
+        """Those on a shape r (V, 3)."""
+        return cls(r - volume_centroid(r, faces), r - area_centroid(r, g), g)
+
+    def of(self, velocities: Array) -> Array:
+        """The sums (6, ...) of `velocities` (3V, ...) or (V, 3)."""
+        g, v = self.g, velocities
+        one = len(v) == len(g.normals) or v.ndim == 1
+        # contiguous: of another layout, the kernel would be compiled once more
+        columns = np.ascontiguousarray(v).reshape(len(g.normals), 3, -1)
+        sums = _constrained(self.centered, self.about, g.node_areas, g.normals, columns)
+        return np.asarray(sums[:, 0] if one else sums)
 
 
 @compiled
-def _constraints(centered, about, areas, normals):  # type: ignore[no-untyped-def]
-    columns = np.zeros((len(areas), 3, 6))
+def _constrained(centered, about, areas, normals, v):  # type: ignore[no-untyped-def]
+    sums = np.zeros((6, v.shape[2]))
     for i in range(len(areas)):
-        for d in range(3):
-            moment = areas[i] * centered[i, d]
-            for e in range(3):
-                columns[i, e, d] = moment * normals[i, e]
-            p, q = (d + 1) % 3, (d + 2) % 3
-            columns[i, p, 3 + d] = -areas[i] * about[i, q]
-            columns[i, q, 3 + d] = areas[i] * about[i, p]
-    return columns
+        for k in range(v.shape[2]):
+            x, y, z = areas[i] * v[i, 0, k], areas[i] * v[i, 1, k], areas[i] * v[i, 2, k]
+            along = x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2]
+            for d in range(3):
+                sums[d, k] += along * centered[i, d]
+            sums[3, k] += about[i, 1] * z - about[i, 2] * y
+            sums[4, k] += about[i, 2] * x - about[i, 0] * z
+            sums[5, k] += about[i, 0] * y - about[i, 1] * x
+    return sums
 
 
 def rigid_motions(r: Array, g: Geometry) -> Array:

@@ -33,7 +33,12 @@ from amoeboid.meshes.geometry import (
     volume_centroid,
 )
 from amoeboid.numerics.recycling import Recycling
-from amoeboid.surface.force_balance import factorized_cortex, force_balance
+from amoeboid.surface.force_balance import (
+    factorized_cortex,
+    force_balance,
+    turning_responses,
+    velocity_of_motion,
+)
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import (
     angular_response,
@@ -88,10 +93,12 @@ class LinearizedStep:
         dA_dr = area_gradient(self.g, model.mesh.faces)
         self._area_gradient = np.einsum("vi,vi->v", dA_dr, self.g.normals)
         zero = np.zeros(len(state.c))
-        v, _, _ = self._velocity(zero, zero, zero)
+        v = self._v = self._velocity(zero, zero, zero)[0]
         # change of the velocity in a frame with unit angular velocity around each axis, and by a
         # unit of tension (4, V, 3)
-        turned = [self._velocity(zero, zero, zero, axis)[0] - v for axis in np.eye(3)]
+        turned = turning_responses(
+            model, self._factorized, state.r, self.g, state.c, flow.v_c, self._turning
+        )
         self._responses = np.stack([*turned, self._factorized.dv_dzeta0])
         self._response_n = np.einsum("kvi,vi->kv", self._responses, self.g.normals)
         self._turned_by = angular_response(model, state.r, state.c, self.g)
@@ -109,8 +116,7 @@ class LinearizedStep:
 
     def image(self, y: Array, tolerance: float) -> Array:
         """The perturbation (2V,) after the step, from that before. Raises NoConvergence."""
-        zero = np.zeros(self.n)
-        return self.in_fixed_axes(self._equations.solve(self.iterate(zero, y), tolerance))
+        return self.in_fixed_axes(self._equations.solve(self.before(y), tolerance))
 
     def residual(self, x: Array, y: Array, tolerance: float) -> Array:
         """The error (2V,) of x (2V,) as the image of y (2V,). Raises NoConvergence.
@@ -158,8 +164,28 @@ class LinearizedStep:
         amplitude = AMPLITUDE / size
         angles = amplitude * x[len(y) :]
         (c_x, h_x), (c_y, h_y) = np.split(amplitude * x[: len(y)], 2), np.split(amplitude * y, 2)
+        v, c, g = self._velocity(c_x, h_x, h_y, angles)
+        return self._ended(v, c, g, c_x, c_y, h_y, side) / amplitude
+
+    def before(self, y: Array) -> Array:
+        """S y, `iterate` from x = 0: without a force balance, as the shape is that of the state."""
+        size = np.abs(y).max()
+        if size == 0.0:
+            return np.zeros(self.n)
+        amplitude = AMPLITUDE / size
+        c_y, h_y = np.split(amplitude * y, 2)
+        still = velocity_of_motion(
+            self.model, self._factorized, self.state.r, self.g, self.state.c,
+            self.model.parameters.R0 * h_y,
+        )  # fmt: skip
+        v, zero = self._v + still, np.zeros(len(c_y))
+        return self._ended(v, self.state.c, self.g, zero, c_y, h_y, 1) / amplitude
+
+    def _ended(
+        self, v: Array, c: Array, g: Geometry, c_x: Array, c_y: Array, h_y: Array, side: int
+    ) -> Array:
+        """The perturbation (n,) at the end of a step with the velocity v (V, 3)."""
         R0, dt = self.model.parameters.R0, self.dt
-        v, c, g = self._velocity(c_x, h_x, h_y, angles=angles)
         v_n = np.einsum("vi,vi->v", v, g.normals) - self._v_n
         gain = self._gained(c, g, v - normal_part(v, g.normals), side) - self._gain[side]
         # nodes rotate with the cell, and the tension keeps the area
@@ -171,29 +197,28 @@ class LinearizedStep:
         gain += np.array([*omega, zeta0]) @ self._gain_by[side]
         numbers = self._areas(h_y) * (self.state.c + self._scale * c_y) - g.node_areas * c
         more = self._transport.solve(numbers + dt * gain)
-        return np.concatenate([c_x + more / self._scale, h, dt * self._axes @ omega]) / amplitude
+        return np.concatenate([c_x + more / self._scale, h, dt * self._axes @ omega])
 
     def _velocity(
         self,
         c_x: Array,
         h_x: Array,
         h_y: Array,
-        omega: Array | None = None,
         angles: Array | None = None,
     ) -> tuple[Array, Array, Geometry]:
         """Velocity (V, 3), c (V,) and geometry of the perturbed cell, at the tension of the state.
 
         Implicit tension acts on the motion of the shape beyond h_x. The velocity is relative to
-        axes that turn by `omega` (3,) [1/T] (None: 0) more than those of the state, and are
-        rotated by `angles` (k,) about the axes of the cue (None: 0).
+        axes that turn as those of the state do, and are rotated by `angles` (k,) about the axes of
+        the cue (None: 0).
         """
-        model, turning = self.model, self._turning if omega is None else self._turning + omega
+        model = self.model
         if angles is not None and len(angles):
             model = replace(model, cue=RotatedCue(model.cue, self._axes.T @ angles))
         c, r = self.state.c + self._scale * c_x, self._moved(h_x)
         g, ahead = geometry(r, self.model.mesh.faces), r - self._moved(h_y)
         solution = force_balance(
-            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, turning
+            model, self._factorized, r, g, c, self._zeta0, ahead, self._v_c, self._turning
         )
         return solution.v(self._zeta0), c, g
 

@@ -18,13 +18,13 @@ The concentration is scaled to it in each iteration.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, geometry, normal_part
-from amoeboid.surface.force_balance import factorized_cortex, force_balance
+from amoeboid.surface.force_balance import factorized_cortex, force_balance, turning_responses
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import rigid_changes
 from amoeboid.surface.stepping import StepFailed, tension_for_area
@@ -71,7 +71,7 @@ class ImplicitMap:
         self._transport = model.scalar_solver.factor(implicit_matrix(model, self.g, u, dt)[0])
         self._excluded, shares, motions = rigid_changes(model, base.r, base.c, self.g)
         self._frame_rates = model.rate * shares @ motions[:, 3:]
-        self._frame_velocities = self._of_frame(v, shares, model.rate * motions)
+        self._frame_velocities = self._of_frame(shares, model.rate * motions)
         self._frame_images = self._images(u, self._frame_velocities)
         self._inverse = np.linalg.inv(self._excluded.T @ self._frame_images)
 
@@ -137,14 +137,15 @@ class ImplicitMap:
         )
         return tension_for_area(model, r + self.dt * v_n, self.dt * dv_n, 0.0)[1]
 
-    def _of_frame(self, v: Array, shares: Array, motions: Array) -> Array:
-        """Changes (k, V, 3) of the velocity `v` by such shares (k, m) of motions of the frame."""
+    def _of_frame(self, shares: Array, motions: Array) -> Array:
+        """Changes (k, V, 3) of the velocity by such shares (k, m) of motions of the frame."""
         R0 = self.model.parameters.R0
-        fields = [np.broadcast_to(-R0 * motion[:3], v.shape) for motion in motions[:3]]
-        for motion in motions[3:]:
-            omega = self.base.angular_velocity + motion[3:]
-            turned = replace(self.base, angular_velocity=omega)
-            fields.append(self._velocity(self.model, turned, self.g)[0] - v)
+        base = self.base
+        fields = [np.broadcast_to(-R0 * motion[:3], base.r.shape) for motion in motions[:3]]
+        turned = turning_responses(
+            self.model, self._factorized, base.r, self.g, base.c, base.v_c, base.angular_velocity
+        )
+        fields.extend(np.tensordot(motions[3:, 3:], turned, 1))
         return np.tensordot(shares, np.stack(fields), 1)
 
     def _images(self, u: Array, velocities: Array) -> Array:

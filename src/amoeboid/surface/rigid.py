@@ -11,7 +11,6 @@ from amoeboid.meshes.connectivity import Connectivity
 from amoeboid.meshes.geometry import (
     Geometry,
     area_gradient,
-    scatter,
     volume_centroid,
 )
 from amoeboid.meshes.operators import mass, product
@@ -38,14 +37,28 @@ TILT, MAX_FREE_CHANGE = 1e-4, 1e-7
 
 def gradient(c: Array, g: Geometry, mesh: Connectivity) -> Array:
     """Surface gradient of c at the nodes (V, 3)."""
-    faces = mesh.faces
-    slopes = np.einsum("fa,fad->fd", c[faces], g.gradients) * g.face_areas[:, None] / 3.0
-    mean = scatter(np.repeat(slopes[:, None, :], 3, axis=1), faces, len(c))
-    mean /= g.node_areas[:, None]
+    mean = _mean_slopes(c, g.face_areas, g.gradients, mesh.faces) / g.node_areas[:, None]
     # the mean around a node is too flat: one step of iteration with the mass matrix corrects it
     entries = mass(g, mesh)
-    blurred = [product(entries, mesh, slope) for slope in mean.T]
+    blurred = [product(entries, mesh, np.ascontiguousarray(slope)) for slope in mean.T]
     return np.asarray(2.0 * mean - np.transpose(blurred) / g.node_areas[:, None])
+
+
+@compiled
+def _mean_slopes(c, areas, gradients, faces):  # type: ignore[no-untyped-def]
+    # a third of the integral of grad c over the triangles around each node
+    sums = np.zeros((len(c), 3))
+    for f in range(len(areas)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        for d in range(3):
+            slope = (
+                c[i] * gradients[f, 0, d] + c[j] * gradients[f, 1, d] + c[k] * gradients[f, 2, d]
+            )
+            share = slope * areas[f] / 3.0
+            sums[i, d] += share
+            sums[j, d] += share
+            sums[k, d] += share
+    return sums
 
 
 def changes(motions: Sequence[Array], slope: Array, normals: Array, length: float) -> Array:
@@ -159,11 +172,29 @@ def angular_response(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Arr
 
 def _flow_within(shares: Array, c: Array, g: Geometry, faces: Index) -> Array:
     """By v.n (V,): the sum of `shares` (V,) times what `advection` with v.n n brings to a node."""
-    corners = c[faces]
-    flow = g.face_areas[:, None] / 12.0 * (corners.sum(axis=1)[:, None] + corners)
-    slopes = np.einsum("fa,fad->fd", shares[faces], g.gradients)
-    along = scatter(flow[:, :, None] * slopes[:, None, :], faces, len(c))
-    return np.einsum("vi,vi->v", along, g.normals)
+    return np.asarray(_carried_along(shares, c, g.face_areas, g.gradients, g.normals, faces))
+
+
+@compiled
+def _carried_along(shares, c, areas, gradients, normals, faces):  # type: ignore[no-untyped-def]
+    along = np.zeros(len(c))
+    for f in range(len(areas)):
+        i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
+        total = c[i] + c[j] + c[k]
+        for d in range(3):
+            slope = (
+                (
+                    shares[i] * gradients[f, 0, d]
+                    + shares[j] * gradients[f, 1, d]
+                    + shares[k] * gradients[f, 2, d]
+                )
+                * areas[f]
+                / 12.0
+            )
+            along[i] += slope * (total + c[i]) * normals[i, d]
+            along[j] += slope * (total + c[j]) * normals[j, d]
+            along[k] += slope * (total + c[k]) * normals[k, d]
+    return along
 
 
 def _rotation_fit(model: Model, r: Array, c: Array, g: Geometry) -> tuple[Array, Array, Array]:

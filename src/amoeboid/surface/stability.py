@@ -22,16 +22,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from amoeboid.arrays import Array
 from amoeboid.meshes.geometry import Geometry, volume_centroid, weighted_area_gradient
-from amoeboid.numerics.arnoldi import ritz_values
-from amoeboid.numerics.recycling import NoConvergence, Recycling
+from amoeboid.numerics.arnoldi import Ritz, largest_residual, ritz_values
+from amoeboid.numerics.recycling import NoConvergence, Recycling, SolvedImages
 from amoeboid.numerics.sparse import SingularMatrix
-from amoeboid.numerics.spherical_harmonics import real_harmonic
+from amoeboid.numerics.spherical_harmonics import real_harmonics
 from amoeboid.surface.linearized import LinearizedStep
 from amoeboid.surface.model import Model
 from amoeboid.surface.rigid import rigid_changes
@@ -43,6 +44,11 @@ from amoeboid.validation import InvalidInput
 STEP, SHARES = 2.0, (1.0, 0.3, 0.1)
 # Tolerance of the linear equations of a step, and of those that only tell the size of an error.
 TOLERANCE, ROUGH = 3e-5, 0.03
+# All steps are solved for to this tolerance at first, and further where the error asks for it. If
+# that is not enough after so many applications, or the error is above so many rates after
+# MIN_APPLICATIONS, the map is far from normal: all steps are solved for to TOLERANCE, from the
+# start on.
+ROUGH_IMAGE, ROUGH_APPLICATIONS, MAX_ROUGH = 1e-3, 16, 2.0
 # Factors mu below this belong to modes that decay within a step, or are noise.
 MIN_FACTOR = 0.05
 # A growth rate is accepted if its estimated error is below this, in units of model.rate.
@@ -72,6 +78,9 @@ class Growth:
     error: float = math.inf
     problem: str = ""
     frequency: float = 0.0
+
+
+NONE_FOUND = Growth(None, problem="no perturbation was found that decays slowly enough")
 
 
 def leading_growth_rate(
@@ -127,36 +136,130 @@ def _with_steps(
     turning: Array | None,
 ) -> tuple[Growth, NDArray[np.complex128] | None]:
     restricted = RestrictedStep(model, state, flow, step / model.rate, tolerance, turning)
-    wanted, smallest = max_error * model.rate, min(MIN_ERROR, max_error) * model.rate
-    best = Growth(None, problem="no perturbation was found that decays slowly enough")
-    mode = None
-    for count, found in enumerate(ritz_values(restricted.image, restricted.start()), 1):
-        if count > MAX_APPLICATIONS:
-            break
-        seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
-        if count < MIN_APPLICATIONS or not len(seen):
+    wanted = _Wanted(max_error * model.rate, min(MIN_ERROR, max_error) * model.rate)
+    best: tuple[Growth, NDArray[np.complex128] | None] = NONE_FOUND, None
+    for rough, applications in ((ROUGH_IMAGE, ROUGH_APPLICATIONS), (tolerance, MAX_APPLICATIONS)):
+        if rough < tolerance:
             continue
-        mu = found.values[seen]
-        exponents = (1.0 - 1.0 / mu) / restricted.dt
-        rates = exponents.real
-        residuals = found.residuals[seen] / (np.abs(mu) ** 2 * restricted.dt)
-        first = int(np.argmax(rates))
-        rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
-        # error of the largest rate, or another rate may turn out to be the largest
-        iteration_error = max(weight * residuals[first], float((rates + residuals).max()) - rate)
-        error = iteration_error
-        if iteration_error < wanted:
-            tested = restricted.residual(found.vector(int(seen[first])), mu[first])
-            error = max(error, weight * tested / (abs(mu[first]) ** 2 * restricted.dt))
+        found, mode, enough = _iterated(
+            restricted, rough, min(applications, MAX_APPLICATIONS), wanted
+        )
+        if found.rate is not None:
+            best = found, mode
+        if enough:
+            break
+    return best
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """The error of a growth rate that is wanted, and that if its sign is not certain [1/T]."""
+
+    error: float
+    of_sign: float
+
+    def has(self, rate: float, error: float) -> bool:
+        """Whether a rate is known well enough."""
+        return error < self.error and (abs(rate) > error or error < self.of_sign)
+
+
+def _iterated(
+    restricted: RestrictedStep, rough: float, applications: int, wanted: _Wanted
+) -> tuple[Growth, NDArray[np.complex128] | None, bool]:
+    """The growth rate after some `applications` of the step, the perturbation, and if that is all.
+
+    The equations of the step are solved to the tolerance `rough`, and then as the error asks for.
+    """
+
+    def choose(found: Ritz) -> tuple[int, bool]:
+        leading = _leading(found, restricted.dt)
+        if leading is None:
+            return largest_residual(found)
+        unsolved = leading.unsolved(wanted)
+        if unsolved or rough > restricted.tolerance:
+            return leading.worst, unsolved
+        return largest_residual(found)
+
+    best, mode = NONE_FOUND, None
+    values = ritz_values(restricted.images(rough), restricted.start(), choose)
+    for count, found in enumerate(islice(values, applications), 1):
+        leading = _leading(found, restricted.dt)
+        if count < MIN_APPLICATIONS or leading is None:
+            continue
+        far = leading.iteration_error > MAX_ROUGH * restricted.model.rate
+        if far and count == MIN_APPLICATIONS and rough > restricted.tolerance:
+            break
+        error, mu, vector = leading.bound, leading.mu, found.vector(leading.first)
+        tested = leading.iteration_error < wanted.error
+        if tested:
+            residual = restricted.residual(vector, mu) / (abs(mu) ** 2 * restricted.dt)
+            error = max(leading.error, leading.weight * residual)
         if not np.isfinite(error):
             continue
-        frequency = abs(float(exponents[first].imag))
-        best, mode = Growth(rate, float(error), "", frequency), found.vector(int(seen[first]))
-        accurate = error < wanted and (abs(rate) > error or error < smallest)
+        best, mode = Growth(leading.rate, float(error), "", leading.frequency), vector
         # or further applications would not reduce the error
-        if accurate or (iteration_error < wanted and iteration_error < SMALL_SHARE * error):
-            break
-    return best, mode
+        enough = tested and leading.iteration_error < SMALL_SHARE * error
+        if enough or wanted.has(leading.rate, error):
+            return best, mode, True
+    return best, mode, False
+
+
+@dataclass(frozen=True)
+class _Leading:
+    """The largest growth rate among Ritz values, number `first`, whose factor is `mu`.
+
+    `iteration_error`: its error if the equations of the steps were solved exactly: the rate itself
+    is wrong, with a `weight`, or another rate may turn out to be larger. `error`: with what is
+    unsolved of the equations of others; `bound`: of its own as well. Most of it is due to `worst`.
+    """
+
+    first: int
+    mu: complex
+    rate: float
+    frequency: float
+    weight: float
+    iteration_error: float
+    error: float
+    bound: float
+    worst: int
+
+    def unsolved(self, wanted: _Wanted) -> bool:
+        """Whether the equations must be solved to more digits, not the step be applied again."""
+        if wanted.has(self.rate, self.bound) or not self.iteration_error < wanted.error:
+            return False
+        small = self.iteration_error < SMALL_SHARE * self.bound
+        return small or wanted.has(self.rate, self.iteration_error)
+
+
+def _leading(found: Ritz, dt: float) -> _Leading | None:
+    """None if there are only factors of modes that decay within a step."""
+    seen = np.flatnonzero(np.abs(found.values) > MIN_FACTOR)
+    if not len(seen):
+        return None
+    mu = found.values[seen]
+    exponents, scale = (1.0 - 1.0 / mu) / dt, np.abs(mu) ** 2 * dt
+    rates, residuals = exponents.real, found.residuals[seen] / scale
+    first = int(np.argmax(rates))
+    rate, weight = float(rates[first]), SAFETY * float(found.conditions[seen[first]])
+
+    def errors(own: Array, others: Array) -> Array:
+        amounts = rates - rate + others
+        amounts[first] = weight * own[first]
+        return amounts
+
+    uncertain = residuals + found.errors[seen] / scale
+    bounds = errors(uncertain, uncertain)
+    return _Leading(
+        first=int(seen[first]),
+        mu=complex(mu[first]),
+        rate=rate,
+        frequency=abs(float(exponents[first].imag)),
+        weight=weight,
+        iteration_error=float(errors(residuals, residuals).max()),
+        error=float(errors(residuals, uncertain).max()),
+        bound=float(bounds.max()),
+        worst=int(seen[np.argmax(bounds)]),
+    )
 
 
 class RestrictedStep:
@@ -176,19 +279,19 @@ class RestrictedStep:
         tolerance: float,
         turning: Array | None = None,
     ) -> None:
-        self.model, self.state, self.dt, self._tolerance = model, state, dt, tolerance
+        self.model, self.state, self.dt, self.tolerance = model, state, dt, tolerance
         self._step = LinearizedStep(model, state, flow, dt, turning)
         self._excluded = _excluded(model, state, self._step.g)
-        self._zero = np.zeros(self._step.n), np.zeros(2 * len(state.c))
-        moved = [self._step.iterate(self._zero[0], y) for y in self._excluded.T]
+        self._zero = np.zeros(2 * len(state.c))
+        moved = [self._step.before(y) for y in self._excluded.T]
         self._moved = np.reshape(moved, (self._excluded.shape[1], self._step.n)).T
         kept = [self._kept(column) for column in self._moved.T]
         self._inverse = np.linalg.inv(np.reshape(kept, (len(kept), len(kept))).T)
         self._equations = Recycling(self._defect, self._step.n)
 
-    def image(self, y: Array) -> Array:
-        """The perturbation after the step, from y (2V,) before. Raises NoConvergence."""
-        return self._solved(self._step.iterate(self._zero[0], y), self._tolerance)
+    def images(self, rough: float) -> SolvedImages:
+        """The perturbations (2V,) after the step, of those that are added: to a tolerance."""
+        return SolvedImages(self._equations, self._right, self._shown, rough, self.tolerance)
 
     def residual(self, mode: NDArray[np.complex128], mu: complex) -> float:
         """Residual norm of `mode` (2V,), of length 1, as an eigenvector with eigenvalue mu.
@@ -209,12 +312,17 @@ class RestrictedStep:
 
     def _solved(self, right: Array, tolerance: float) -> Array:
         """The solution x (2V,) of (1 - P T) x = P `right` in fixed axes. Raises NoConvergence."""
-        solution = self._equations.solve(self._projected(right), tolerance)
-        x = self._step.in_fixed_axes(solution)
+        return self._shown(self._equations.solve(self._projected(right), tolerance))
+
+    def _right(self, y: Array) -> Array:
+        return self._projected(self._step.before(y))
+
+    def _shown(self, unknowns: Array) -> Array:
+        x = self._step.in_fixed_axes(unknowns)
         return np.asarray(x - self._excluded @ (self._excluded.T @ x))
 
     def _defect(self, unknowns: Array) -> Array:
-        return unknowns - self._projected(self._step.iterate(unknowns, self._zero[1]))
+        return unknowns - self._projected(self._step.iterate(unknowns, self._zero))
 
     def _projected(self, unknowns: Array) -> Array:
         return unknowns - self._moved @ (self._inverse @ self._kept(unknowns))
@@ -238,12 +346,6 @@ def _excluded(model: Model, state: State, g: Geometry) -> Array:
 def _start(state: State, model: Model) -> Array:
     """A smooth perturbation without symmetry, the same for the same cell."""
     x = state.r - volume_centroid(state.r, model.mesh.faces)
-    patterns = np.stack(
-        [
-            real_harmonic(degree, order, x)
-            for degree in range(DEGREE + 1)
-            for order in range(-degree, degree + 1)
-        ]
-    )
+    patterns = real_harmonics(DEGREE, x)
     shares = np.random.default_rng(0).standard_normal((2, len(patterns)))
     return np.asarray((shares @ patterns).ravel())

@@ -34,9 +34,9 @@ from amoeboid.numerics.sparse.tiles import (
     NONE,
     ROWS,
     TILE,
+    add_dots,
     address,
     cholesky,
-    dots,
     scatter,
     subtract,
 )
@@ -53,7 +53,6 @@ BLOCK = 96
 CACHED = 24_000
 
 _cholesky_6, _cholesky_3 = cholesky(COLUMNS), cholesky(SIZE)
-_dots_31, _dots_34 = dots(SIZE, 1), dots(SIZE, VECTORS)
 
 
 class SparseCholesky:
@@ -202,40 +201,39 @@ def _forward(table, order, boundary, panels, b, begin, vectors, x, local, solved
 
 
 @compiled
-def _backward(table, order, boundary, panels, x, vectors, local, solved, begin, out):  # type: ignore[no-untyped-def]
+def _backward(table, order, boundary, panels, x, vectors, local, sums, begin, out):  # type: ignore[no-untyped-def]
     """Divide x by the transposed L; the columns of `out` from `begin` on become the solution."""
     n = len(out)
-    mine, known = address(local, 0), address(solved, 0)
+    known, total = address(local, 0), address(sums, 0)
     for f in range(len(table) - 2, -1, -1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
-        first, b0, panel = (k + ROWS - 1) >> 3, table[f, LIST], address(panels, l0)
+        first, b0 = (k + ROWS - 1) >> 3, table[f, LIST]
         tiles = first + (table[f, LEADING] >> 3)
-        long = tiles * ROWS
-        for i in range(vectors * long):
-            local[i] = 0.0
         for v in range(vectors):
-            at = v * long + first * ROWS
+            at = v * n
             for i in range(r):
-                local[at + i] = x[v * n + boundary[b0 + i]]
-        for j in range(k - SIZE, -1, -SIZE):
-            for v in range(vectors):
-                for d in range(SIZE):
-                    solved[SIZE * v + d] = x[v * n + x0 + j + d]
-            if vectors == 1:
-                _dots_31(known, panel, j, k, j >> 3, tiles, mine, long)
-            else:
-                _dots_34(known, panel, j, k, j >> 3, tiles, mine, long)
-            for v in range(vectors):
-                for d in range(SIZE - 1, -1, -1):
-                    y = solved[SIZE * v + d]
-                    for e in range(d + 1, SIZE):
-                        row = j + e
-                        place = l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * (j + d)
-                        y -= panels[place] * local[v * long + row]
-                    row = j + d
-                    y *= panels[l0 + (row >> 3) * (ROWS * k) + (row & 7) + ROWS * row]
-                    local[v * long + row] = y
-                    x[v * n + x0 + row] = y
+                local[i] = x[at + boundary[b0 + i]]
+            for i in range(r, table[f, LEADING]):
+                local[i] = 0.0
+            for i in range(ROWS * k):
+                sums[i] = 0.0
+            add_dots(total, address(panels, l0 + first * ROWS * k), k, known, k, tiles - first)
+            for t in range(first - 1, -1, -1):
+                row = t * ROWS
+                place = l0 + t * ROWS * k
+                last = min(row + ROWS, k)
+                for i in range(ROWS):
+                    local[i] = 0.0
+                for j in range(last - 1, row - 1, -1):
+                    y = x[at + x0 + j]
+                    for i in range(ROWS):
+                        y -= sums[ROWS * j + i]
+                    for i in range(j + 1 - row, last - row):
+                        y -= panels[place + ROWS * j + i] * local[i]
+                    y *= panels[place + ROWS * j + j - row]
+                    local[j - row] = y
+                    x[at + x0 + j] = y
+                add_dots(total, address(panels, place), k, known, row, 1)
     for v in range(min(vectors, out.shape[1] - begin)):
         for i in range(len(order)):
             for d in range(SIZE):

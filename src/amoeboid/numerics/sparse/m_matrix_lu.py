@@ -31,7 +31,16 @@ from amoeboid.numerics.sparse.fronts import (
     Fronts,
     fronts,
 )
-from amoeboid.numerics.sparse.tiles import ROWS, TILE, address, dots, gauss, scatter, subtract
+from amoeboid.numerics.sparse.tiles import (
+    NONE,
+    ROWS,
+    TILE,
+    add_dots,
+    address,
+    gauss,
+    scatter,
+    subtract,
+)
 
 # Maximum number of nodes of a piece that is not divided further.
 MAX_UNDIVIDED = 16
@@ -40,7 +49,6 @@ MAX_UNDIVIDED = 16
 ROUNDING = 1e-15
 ACCEPTED = 1e-13
 
-_dot = dots(1, 1)
 _gauss_6, _gauss_3, _gauss_1 = gauss(6), gauss(3), gauss(1)
 
 
@@ -72,8 +80,9 @@ class MMatrixLU:
         return np.empty(f.panels), np.empty(f.panels), np.empty(f.updates)
 
     @cached_property
-    def _local(self) -> Array:
-        return np.empty(self._fronts.longest)
+    def _local(self) -> tuple[Array, Array]:
+        longest = self._fronts.longest
+        return np.empty(longest), np.empty(ROWS * longest)
 
     @cached_property
     def _direct(self) -> GeneralBand:
@@ -114,7 +123,7 @@ class MMatrixLU:
     def _improved(self, panels: tuple[Array, Array], x: Array, r: Array) -> Array:
         """x with the residual r eliminated."""
         f, change = self._fronts, r[self._fronts.order]
-        _substituted(f.table, f.boundary, *panels, change, self._local)
+        _substituted(f.table, f.boundary, *panels, change, *self._local)
         x[f.order] += change
         return x
 
@@ -232,33 +241,49 @@ def _eliminated(left, right, k, tiles):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _substituted(table, boundary, lower, upper, x, local):  # type: ignore[no-untyped-def]
+def _substituted(table, boundary, lower, upper, x, local, sums):  # type: ignore[no-untyped-def]
     """x, in order of elimination, becomes the solution."""
-    mine = address(local, 0)
+    known, total = address(local, 0), address(sums, 0)
     for f in range(len(table) - 1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
-        first, b0 = (k + ROWS - 1) >> 3, table[f, LIST]
+        first, b0, panel = (k + ROWS - 1) >> 3, table[f, LIST], address(lower, l0)
         tiles = first + (table[f, LEADING] >> 3)
         for i in range(tiles * ROWS):
             local[i] = x[x0 + i] if i < k else 0.0
-        for j in range(k):
-            y = local[j]
-            x[x0 + j] = y
-            for t in range(j >> 3, tiles):
-                at = l0 + t * (ROWS * k) + ROWS * j
-                for i in range(ROWS):
-                    local[t * ROWS + i] -= lower[at + i] * y
+        for t in range(first):
+            row = t * ROWS
+            place, last = l0 + t * ROWS * k, min(row + ROWS, k)
+            subtract(known, TILE, TILE, panel, total, NONE, k, row, t, t + 1, 1)
+            for j in range(row, last):
+                y = local[j]
+                sums[ROWS * j] = y
+                x[x0 + j] = y
+                for i in range(j + 1, last):
+                    local[i] -= lower[place + ROWS * j + i - row] * y
+        subtract(known, TILE, TILE, panel, total, NONE, k, k, first, tiles, 1)
         for i in range(r):
             x[boundary[b0 + i]] += local[first * ROWS + i]
     for f in range(len(table) - 2, -1, -1):
         k, r, l0, x0 = table[f, PIVOTS], table[f, BOUNDARY], table[f, PANEL], table[f, FIRST]
-        first, b0 = (k + ROWS - 1) >> 3, table[f, LIST]
+        first, b0, panel = (k + ROWS - 1) >> 3, table[f, LIST], address(upper, l0)
         tiles = first + (table[f, LEADING] >> 3)
-        for i in range(tiles * ROWS):
-            local[i] = 0.0
-        for i in range(r):
-            local[first * ROWS + i] = x[boundary[b0 + i]]
-        for j in range(k - 1, -1, -1):
-            _dot(address(x, x0 + j), address(upper, l0), j, k, j >> 3, tiles, mine, 0)
-            x[x0 + j] *= lower[l0 + (j >> 3) * (ROWS * k) + (j & 7) + ROWS * j]
-            local[j] = x[x0 + j]
+        for i in range(ROWS * k):
+            sums[i] = 0.0
+        for i in range(table[f, LEADING]):
+            local[i] = x[boundary[b0 + i]] if i < r else 0.0
+        add_dots(total, panel + 8 * first * ROWS * k, k, known, k, tiles - first)
+        for t in range(first - 1, -1, -1):
+            row = t * ROWS
+            place, last = l0 + t * ROWS * k, min(row + ROWS, k)
+            for i in range(ROWS):
+                local[i] = 0.0
+            for j in range(last - 1, row - 1, -1):
+                y = x[x0 + j]
+                for i in range(ROWS):
+                    y -= sums[ROWS * j + i]
+                for i in range(j + 1, last):
+                    y -= upper[place + ROWS * j + i - row] * local[i - row]
+                y *= lower[place + ROWS * j + j - row]
+                local[j - row] = y
+                x[x0 + j] = y
+            add_dots(total, panel + 8 * t * ROWS * k, k, known, row, 1)

@@ -59,19 +59,11 @@ class _Emitter:
         zeros = ir.Constant(ir.VectorType(ir.IntType(32), ROWS), [0] * ROWS)
         return self.builder.shuffle_vector(one, ir.Constant(_VECTOR, ir.Undefined), zeros)
 
-    def sum(self, value: Any) -> Any:
-        half = ROWS // 2
-        while half >= 1:
-            index = ir.Constant(ir.VectorType(ir.IntType(32), half), list(range(half)))
-            other = ir.Constant(ir.VectorType(ir.IntType(32), half), list(range(half, 2 * half)))
-            undefined = ir.Constant(value.type, ir.Undefined)
-            low = self.builder.shuffle_vector(value, undefined, index)
-            value = self.builder.fadd(low, self.builder.shuffle_vector(value, undefined, other))
-            half //= 2
-        return self.builder.extract_element(value, ir.Constant(ir.IntType(32), 0))
-
     def less_product(self, c: Any, a: Any, b: Any) -> Any:
         return self.builder.fsub(c, self.builder.fmul(a, b, flags=_FUSE), flags=_FUSE)
+
+    def plus_product(self, c: Any, a: Any, b: Any) -> Any:
+        return self.builder.fadd(c, self.builder.fmul(a, b, flags=_FUSE), flags=_FUSE)
 
     def plus(self, a: Any, times: int, b: Any) -> Any:
         return self.builder.add(a, self.builder.mul(_word(times), b))
@@ -238,43 +230,47 @@ def gauss(columns: int) -> Callable[..., bool]:
     return kernel
 
 
-def dots(columns: int, vectors: int) -> Callable[..., None]:
-    """Compiled function (x, l, column, width, first, tiles, y, long): x -= l^T y.
-
-    l: address of a panel of `width` columns, of which `columns` from `column` on count, and tiles
-    first ... tiles - 1; y: that of `vectors` vectors, `long` apart. x: a number for each column and
-    vector, vector by vector.
-    """
+def _dots(tiles: int) -> Callable[..., None]:
+    """Compiled function (sums, l, width, y, columns): `add_dots` for a number of tiles."""
 
     def emit(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        x, l, column, width, first, tiles, y, long = args  # noqa: E741
-        e = _Emitter(builder, x, l, y)
-        pairs = [(j, v) for j in range(columns) for v in range(vectors)]
-        kept = {pair: cgutils.alloca_once(builder, _VECTOR) for pair in pairs}
-        for total in kept.values():
-            builder.store(ir.Constant(_VECTOR, [0.0] * ROWS), total)
-        l1 = builder.mul(column, _word(ROWS))
+        sums, l, width, y, columns = args  # noqa: E741
+        e = _Emitter(builder, sums, l, y)
         stride = builder.mul(width, _word(ROWS))
-        with cgutils.for_range_slice(builder, first, tiles, _word(1), _WORD) as (tile, _):
-            begin = builder.add(l1, builder.mul(tile, stride))
-            row = builder.mul(_word(ROWS), tile)
-            right = [e.load(2, e.plus(row, v, long)) for v in range(vectors)]
-            for j in range(columns):
-                left = e.load(1, builder.add(begin, _word(ROWS * j)))
-                for v in range(vectors):
-                    total = builder.load(kept[j, v])
-                    builder.store(e.less_product(total, left, right[v]), kept[j, v])
-        for (j, v), total in kept.items():
-            at = e.address(0, _word(j + columns * v))
-            start = builder.load(at, align=8)
-            builder.store(builder.fadd(start, e.sum(builder.load(total))), at)
+        starts = [builder.mul(_word(t), stride) for t in range(tiles)]
+        right = [e.load(2, _word(ROWS * t)) for t in range(tiles)]
+        with cgutils.for_range(builder, columns) as loop:
+            at = builder.mul(loop.index, _word(ROWS))
+            total = e.load(0, at)
+            for start, y_t in zip(starts, right, strict=True):
+                total = e.plus_product(total, e.load(1, builder.add(at, start)), y_t)
+            e.store(total, 0, at)
         return context.get_dummy_value()
 
     @intrinsic
-    def kernel(typingctx, x, l, column, width, first, tiles, y, long):  # type: ignore[no-untyped-def]  # noqa: E741
-        return types.void(*[types.int64] * 8), emit
+    def kernel(typingctx, sums, l, width, y, columns):  # type: ignore[no-untyped-def]  # noqa: E741
+        return types.void(*[types.int64] * 5), emit
 
     return kernel
+
+
+_dots_1, _dots_4 = _dots(1), _dots(4)
+
+
+@nested
+def add_dots(sums, l, width, y, columns, tiles):  # type: ignore[no-untyped-def]  # noqa: E741
+    """sums += l^T y row by row: of each column 8 sums, one for each row of the tiles.
+
+    l: address of `tiles` tiles of a panel of `width` columns, of which the first `columns` count;
+    y: that of a number for each row. The panel is read from front to back.
+    """
+    t = 0
+    while t + 4 <= tiles:
+        _dots_4(sums, l + 8 * t * ROWS * width, width, y + 8 * t * ROWS, columns)
+        t += 4
+    while t < tiles:
+        _dots_1(sums, l + 8 * t * ROWS * width, width, y + 8 * t * ROWS, columns)
+        t += 1
 
 
 @intrinsic
