@@ -10,7 +10,8 @@ import pytest
 
 import amoeboid
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets, onsets_anywhere
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
+from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient

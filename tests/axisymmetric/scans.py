@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed
-from amoeboid.axisymmetric.steady import SteadySystem
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count, resampled
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.branch_points import Options, parameter_derivative

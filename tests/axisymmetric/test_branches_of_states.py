@@ -7,7 +7,8 @@ from amoeboid.axisymmetric.branches import branch_from_sphere, branch_from_state
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onsets
 from amoeboid.axisymmetric.search import _without_speed, steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, strong_residual
+from amoeboid.axisymmetric.steady import homogeneous, strong_residual
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count, split
 from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.amplitude import cubic_coefficient
@@ -239,7 +240,7 @@ def test_a_hopf_point_is_located_where_the_theory_has_it():
 
 
 def test_an_unresolvable_branch_says_so(monkeypatch):
-    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 32)
+    monkeypatch.setattr("amoeboid.axisymmetric.system.MAX_MODES", 32)
     branch = branch_from_sphere(Parameters(D=0.4), "v_p0", Window(0.0, 9.0), options=STEPS)
     assert "does not resolve" in branch.message
     assert branch.points[-1].value < 9.0

@@ -9,7 +9,8 @@ from amoeboid.axisymmetric.paths import CLOSED, Path, asymmetry
 from amoeboid.axisymmetric.phase_diagram import _polarized_branch
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
-from amoeboid.axisymmetric.steady import SteadySystem, newton_solution, strong_residual
+from amoeboid.axisymmetric.steady import newton_solution, strong_residual
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
@@ -96,7 +97,7 @@ def test_boundary_layers_are_resolved_before_more_modes_only_add_rounding():
 
 
 def test_a_state_that_cannot_be_resolved_is_reported(monkeypatch):
-    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 64)
+    monkeypatch.setattr("amoeboid.axisymmetric.system.MAX_MODES", 64)
     found = steady_solutions(Parameters(D=0.03, v_p0=6.0), (1,))
     assert not found.complete
     assert "l = 1" in found.problems[0]

@@ -11,7 +11,8 @@ from amoeboid.axisymmetric.evolution import (
     perturbed_sphere,
 )
 from amoeboid.axisymmetric.stability import growth_rates
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, steady_state, strong_residual
+from amoeboid.axisymmetric.steady import homogeneous, steady_state, strong_residual
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.closed_forms.response import polarization_by_cue
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import Parameters

@@ -5,7 +5,7 @@ import pytest
 
 from amoeboid.axisymmetric import paths
 from amoeboid.axisymmetric.search import steady_solutions
-from amoeboid.axisymmetric.steady import SteadySystem
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.branch_points import Options, Unresolved, through
 

@@ -16,12 +16,12 @@ from amoeboid.axisymmetric.shape import shape
 from amoeboid.axisymmetric.spectral import grid
 from amoeboid.axisymmetric.stability import growth_rates, linearization, sphere_block
 from amoeboid.axisymmetric.steady import (
-    SteadySystem,
     homogeneous,
     homogeneous_unknowns,
     steady_state,
     strong_residual,
 )
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.cli.main import main
 from amoeboid.closed_forms.amplitude import cubic_coefficient_at_speed
 from amoeboid.closed_forms.linear import (

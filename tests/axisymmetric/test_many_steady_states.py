@@ -12,7 +12,8 @@ import pytest
 import amoeboid as am
 from amoeboid.axisymmetric.many import Table, solved
 from amoeboid.axisymmetric.search import steady_solutions
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous, steady_state
+from amoeboid.axisymmetric.steady import homogeneous, steady_state
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import resampled
 
 pytestmark = pytest.mark.skipif(

@@ -168,7 +168,7 @@ def test_a_law_without_instability_rests_everywhere():
 
 
 def test_what_the_modes_cannot_resolve_is_marked(monkeypatch):
-    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 32)
+    monkeypatch.setattr("amoeboid.axisymmetric.system.MAX_MODES", 32)
     column = phase_column(Parameters(D=0.03), 0.03, np.array([3.0, 3.8, 7.9]))
     assert [REGIONS[k] for k in column.regions] == ["rest", "polarized", REGIONS[UNRESOLVED]]
 

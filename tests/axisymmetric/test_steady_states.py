@@ -8,12 +8,12 @@ from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import growth_rates
 from amoeboid.axisymmetric.steady import (
     SteadySolution,
-    SteadySystem,
     homogeneous,
     newton_solution,
     steady_state,
     strong_residual,
 )
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import fields_of, resampled
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
@@ -219,7 +219,7 @@ def test_a_law_that_is_not_defined_at_the_start_is_no_traceback():
 def test_a_state_that_the_modes_cannot_resolve_is_not_a_solution(monkeypatch):
     p = Parameters(D=0.4, v_p0=6.0)
     exact = polarized(p)
-    monkeypatch.setattr("amoeboid.axisymmetric.steady.MAX_MODES", 16)
+    monkeypatch.setattr("amoeboid.axisymmetric.system.MAX_MODES", 16)
     start = SteadySolution(p, 16, resampled(exact.x, exact.n, 16), False, ())
     attempt = steady_state(p, start)
     assert not attempt.converged

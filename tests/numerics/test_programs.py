@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
+from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics import array_machine, compiled_machine, machine
 from amoeboid.numerics.derivatives import cos, sin, sqrt

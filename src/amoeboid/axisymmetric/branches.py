@@ -11,7 +11,8 @@ from amoeboid.axisymmetric.onset import branch_tangent, onsets, onsets_anywhere
 from amoeboid.axisymmetric.paths import SAME
 from amoeboid.axisymmetric.progress import Watch, unwatched
 from amoeboid.axisymmetric.search import same_state, steady_solutions
-from amoeboid.axisymmetric.steady import MODES, SteadySolution, SteadySystem
+from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.system import MODES, SteadySystem
 from amoeboid.axisymmetric.tracing import BranchSolution, Tracer
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters

@@ -28,13 +28,8 @@ from amoeboid.axisymmetric.force_balance import (
 )
 from amoeboid.axisymmetric.shape import Shape, shape
 from amoeboid.axisymmetric.spectral import grid, resized
-from amoeboid.axisymmetric.steady import (
-    MAX_MODES,
-    MODES,
-    Magnitudes,
-    SteadySolution,
-    steady_state,
-)
+from amoeboid.axisymmetric.steady import SteadySolution, steady_state
+from amoeboid.axisymmetric.system import MAX_MODES, MODES, Magnitudes
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.model.cues import Cue
 from amoeboid.model.parameters import ParameterPoint, Parameters

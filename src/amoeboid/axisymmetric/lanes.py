@@ -1,6 +1,6 @@
 """The axisymmetric steady problem at many parameter points side by side, with JAX in float64.
 
-The equations are those of `steady`, recorded once; lanes differ only in their parameters. A lane
+The equations are those of `system`, recorded once; lanes differ only in their parameters. A lane
 holds the scaled unknowns z = x/scale and q = v_p0/threshold, and does one Newton step at a time:
 along the polarized branch from its threshold, by pseudo-arclength as in `numerics.continuation`,
 or at the v_p0 that is asked for. Lanes that are done make room for others.
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from amoeboid.axisymmetric.spectral import grid
-from amoeboid.axisymmetric.steady import (
+from amoeboid.axisymmetric.system import (
     FRICTION,
     equation_counts,
     recorded_equations,

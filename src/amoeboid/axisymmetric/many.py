@@ -11,14 +11,8 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import lanes
 from amoeboid.axisymmetric.lanes import FOUND, NONE, OUTSIDE, STALLED, Cells, Problem
-from amoeboid.axisymmetric.steady import (
-    FRICTION,
-    OPTIONAL,
-    STRONG,
-    Magnitudes,
-    homogeneous_unknowns,
-    unknown_counts,
-)
+from amoeboid.axisymmetric.steady import homogeneous_unknowns
+from amoeboid.axisymmetric.system import FRICTION, OPTIONAL, STRONG, Magnitudes, unknown_counts
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.closed_forms.linear import critical_slope, critical_speed
 from amoeboid.closed_forms.modes import flow_response

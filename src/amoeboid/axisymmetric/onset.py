@@ -11,7 +11,8 @@ from numpy.linalg import LinAlgError
 
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric.stability import sphere_block
-from amoeboid.axisymmetric.steady import MODES, SteadySystem, homogeneous_unknowns
+from amoeboid.axisymmetric.steady import homogeneous_unknowns
+from amoeboid.axisymmetric.system import MODES, SteadySystem
 from amoeboid.axisymmetric.unknowns import split
 from amoeboid.closed_forms.linear import proportional_to_speed, thresholds
 from amoeboid.model.parameters import Parameters

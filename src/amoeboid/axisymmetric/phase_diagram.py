@@ -21,7 +21,8 @@ from amoeboid.axisymmetric.paths import Path, asymmetry
 from amoeboid.axisymmetric.progress import Progress, Watch, unwatched
 from amoeboid.axisymmetric.search import Rising
 from amoeboid.axisymmetric.stability import are_stable_along
-from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem
+from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import mode_count
 from amoeboid.axisymmetric.window import Window
 from amoeboid.closed_forms.linear import finite_pressure_rates, growth_rate

@@ -1,7 +1,7 @@
 """The vector of unknowns of the steady problem and the fields it stands for.
 
 In this order: the sine coefficients of psi - x (n - 1) and u (n), the cosine coefficients of c (n),
-the length scale ds/dx, the tension zeta_0 and the two slack unknowns of `steady`.
+the length scale ds/dx, the tension zeta_0 and the two slack unknowns of `system`.
 """
 
 from __future__ import annotations

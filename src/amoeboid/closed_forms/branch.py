@@ -140,7 +140,7 @@ def trusted_distance(p: Points, tolerance: float = 0.1) -> Array:
 
 
 def distance_from(at: Onset, tolerance: float = 0.1) -> Array:
-    """`trusted_distance` from what is known about the threshold."""
+    """`trusted_distance` [L/T] for a `tolerance`, from what is known about the threshold."""
     b = at.branch
     by_next_order = np.divide(2 * tolerance * b.v_2**2, np.abs(b.v_4))
     by_harmonic = np.sqrt(tolerance) * np.abs(np.divide(at.second_rate, at.second_slope))

@@ -12,7 +12,8 @@ from functools import cached_property
 import numpy as np
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.steady import SteadySolution, SteadySystem, steady_state
+from amoeboid.axisymmetric.steady import SteadySolution, steady_state
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.branch_points import COMPLEX_STEP
 from amoeboid.numerics.newton import solve

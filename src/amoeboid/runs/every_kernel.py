@@ -16,7 +16,8 @@ import numpy as np
 from numba.core import config
 
 from amoeboid.arrays import Array
-from amoeboid.axisymmetric.steady import SteadySystem, homogeneous
+from amoeboid.axisymmetric.steady import homogeneous
+from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.config import Config, resolved
 from amoeboid.meshes.remeshing import due
 from amoeboid.model.parameters import Parameters

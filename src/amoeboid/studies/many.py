@@ -13,7 +13,8 @@ import numpy as np
 from amoeboid.arrays import Array
 from amoeboid.axisymmetric import lanes
 from amoeboid.axisymmetric.many import CONVERGED, REASONS, STATUSES, Found, solved
-from amoeboid.axisymmetric.steady import MAX_MODES, MODES, SteadySolution
+from amoeboid.axisymmetric.steady import SteadySolution
+from amoeboid.axisymmetric.system import MAX_MODES, MODES
 from amoeboid.closed_forms.points import Points, points
 from amoeboid.display import html_table
 from amoeboid.extras import needed

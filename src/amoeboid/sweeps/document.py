@@ -15,7 +15,7 @@ from typing import Any
 
 from amoeboid.assignments import SECTIONS
 from amoeboid.axisymmetric.lanes import jax
-from amoeboid.axisymmetric.steady import MODES
+from amoeboid.axisymmetric.system import MODES
 from amoeboid.config import Config, anchored, configured
 from amoeboid.model.parameters import RELATIONS, Parameters
 from amoeboid.motility.words import environment
