@@ -5,7 +5,8 @@ import pytest
 
 from amoeboid.axisymmetric.branches import branch_from_sphere, branch_from_state, polarized_branch
 from amoeboid.axisymmetric.onset import branch_tangent, onset_speed, onset_speeds
-from amoeboid.axisymmetric.paths import CLOSED, Path
+from amoeboid.axisymmetric.paths import CLOSED, Path, asymmetry
+from amoeboid.axisymmetric.phase_diagram import _polarized_branch
 from amoeboid.axisymmetric.search import steady_solutions
 from amoeboid.axisymmetric.stability import unstable_modes
 from amoeboid.axisymmetric.steady import newton_solution, strong_residual
@@ -13,6 +14,7 @@ from amoeboid.axisymmetric.system import SteadySystem
 from amoeboid.axisymmetric.unknowns import resampled
 from amoeboid.axisymmetric.window import Window
 from amoeboid.model.parameters import Parameters
+from amoeboid.numerics.arcs import at_value
 from amoeboid.numerics.branch_points import Options, at_distance, started
 from amoeboid.validation import InvalidInput
 from axisymmetric.scans import CELLS, Reference, rear, spaced
@@ -215,6 +217,18 @@ def test_a_branch_that_ends_on_symmetrical_states_says_so():
     assert "1.04094, where it reaches states that are symmetric" in branch.message
     last = branch.points[-1].state
     assert last.c_rear - last.c_front < 0.2 * (start.c_rear - start.c_front)
+
+
+def test_where_a_branch_meets_symmetrical_states_is_found_and_is_no_fold():
+    p, at = Parameters(D=0.165, delta_P=3.0), 1e-4
+    path, folds, problem = _polarized_branch(p, onset_speed(p), np.linspace(1.0, 8.0, 12))
+    assert problem == ""
+    assert [fold.parameter < onset_speed(p) for fold in folds] == [True]
+    last = path[-1]
+    beside = [at_value(last, last.b.parameter - distance, STEPS) for distance in (at, 2 * at)]
+    near, far = (float(np.sum(asymmetry(point) ** 2)) for point in beside)
+    # the square of the asymmetry vanishes linearly there
+    assert near / (far - near) * at == pytest.approx(at, abs=2e-7)
 
 
 class Ring:

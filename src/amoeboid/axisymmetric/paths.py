@@ -45,6 +45,10 @@ FIRST_COARSE_STEP, MAX_COARSE_STEP = 0.05, 1.5
 FINER, MAX_FINER = 8.0, 600.0
 """Factor by which steps are shortened where one led to states of higher symmetry; its maximum."""
 
+SYMMETRICAL, AT_MEETING = 1e-6, 1e-2
+"""Share of the asymmetry before a meeting up to which a state there counts as symmetrical, and how
+near to it, in steps, a fold is the meeting itself."""
+
 BESIDE = (1e-5, 1e-4, 1e-3, 1e-2, 3e-2, 0.1)
 """How far from a meeting, in steps, the points lie that it is interpolated from.
 
@@ -296,15 +300,18 @@ class Path:
     def _to_symmetry(self, anchor: Point, point: Point, pending: list[Arc]) -> list[Arc]:
         """The arcs up to where what distinguishes front and rear vanishes."""
         reference = asymmetry(anchor)
+        least = SYMMETRICAL * _product(reference, reference)
 
         def remaining(q: Point) -> float:
-            left = asymmetry(q)
             # next to the meeting, Newton's method may find a symmetrical state
-            return _product(reference, left) if np.any(left) else np.nan
+            left = _product(reference, asymmetry(q))
+            return left if abs(left) > least else np.nan
 
         end = _on_system_of(anchor, point, self.options)
         meeting = located(anchor, end, remaining, self.options, widths=BESIDE)
-        kept = [arc for arc in pending if arc.b.fold and arc.b.length < meeting.length]
+        # the parameter turns back at the meeting itself, which is no fold
+        last_fold = meeting.length - AT_MEETING * (end.length - anchor.length)
+        kept = [arc for arc in pending if arc.b.fold and arc.b.length < last_fold]
         last = kept[-1].b if kept else anchor
         return [*kept, Arc(anchor, last, meeting)]
 
