@@ -288,3 +288,11 @@ def test_roots_are_met_in_few_calls_and_poles_are_none(function, roots, most):
 
     assert list(roots_about(counted, 1.0)) == pytest.approx(roots, rel=1e-13)
     assert len(calls) <= 1 + most * max(len(roots), 1)
+
+
+def test_a_root_is_kept_whose_value_has_another_sign_among_other_points():
+    # functions of NumPy may round differently in arrays of other lengths
+    def rounded(x):
+        return x - 1.0 + (1e-15 if np.size(x) > 100 else -1e-15)
+
+    assert list(roots_about(rounded, 1.0)) == pytest.approx([1.0], rel=1e-12)

@@ -99,13 +99,14 @@ def _bracketed(function: Function, low: float, high: float) -> list[float]:
     for _ in range(MAX_CALLS):
         if np.any(np.isnan(y)):
             return []
-        k = int(np.flatnonzero(np.sign(y[:-1]) * np.sign(y[1:]) <= 0)[0])
+        changes = np.flatnonzero(np.sign(y[:-1]) * np.sign(y[1:]) <= 0)
+        if not changes.size:  # a value that is rounding has another sign among other points
+            return _met(function, x[np.abs(y).argmin()], ends)
+        k = int(changes[0])
         a, b = x[k], x[k + 1]
         nearest = a if abs(y[k]) <= abs(y[k + 1]) else b
         if 0.0 in (y[k], y[k + 1]) or b - a <= PRECISION * abs(nearest):
-            around = _samples(function, nearest * (1 + np.array([-1e-12, 0.0, 1e-12])))
-            small = max(abs(around[0]), abs(around[2])) <= POLE * ends or around[1] == 0.0
-            return [float(nearest)] if small else []
+            return _met(function, nearest, ends)
         some = slice(max(k - 1, 0), k + 3)
         guess = _inverse(x[some], y[some])
         guess = guess if a < guess < b else a + (b - a) / 2
@@ -115,6 +116,13 @@ def _bracketed(function: Function, low: float, high: float) -> list[float]:
         x = np.unique(np.concatenate([x[some], inside]))
         y = _samples(function, x)
     return []
+
+
+def _met(function: Function, x: float, ends: float) -> list[float]:
+    """The root x between values of the size of `ends`; none if the function is large about it."""
+    around = _samples(function, x * (1 + np.array([-1e-12, 0.0, 1e-12])))
+    small = max(abs(around[0]), abs(around[2])) <= POLE * ends or around[1] == 0.0
+    return [float(x)] if small else []
 
 
 def _inverse(x: Array, y: Array) -> float:
