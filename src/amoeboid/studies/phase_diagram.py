@@ -216,7 +216,7 @@ def phase_diagram(
     `low` and `high` are the ends of the window of the parameter, `speeds` those of v_p0; with
     physical parameters they are quantities such as "2 um/s". What is left out is the window of the
     paper's table in units of this cell (D and v_p0 alone). Found at
-    `columns` values of v_p0 and `rows` of the parameter. `watch` is called with every step.
+    `columns` values of the parameter and `rows` of v_p0. `watch` is called with every step.
     Raises InvalidInput for windows that cannot be, and where there is nothing to measure them in.
     """
     refuse_no_parameters(p)
