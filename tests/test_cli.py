@@ -98,6 +98,8 @@ def test_resume_goes_on_to_a_later_time(tmp_path, capsys):
     folder = str(tmp_path / "run")
     assert main(["run", *QUICK, "--json", "-o", folder]) == 0
     before = json.loads(capsys.readouterr().out)
+    for name in ("cell.png", "trajectory.png"):
+        (tmp_path / "run" / name).touch()
     files = {p: p.read_bytes() for p in (tmp_path / "run").rglob("*") if p.is_file()}
     for refused in ([], ["--set", "time.end=0.5"], ["--set", "D=1", "--set", "time.end=2"]):
         assert main(["run", "--resume", folder, *refused]) == 2

@@ -670,7 +670,7 @@ def test_what_a_run_did_not_tell_after_its_end_is_told_by_resume(
     told = json.loads(capsys.readouterr().out)
     manifest = json.loads(Path("cell/manifest.json").read_text())
     if killed_before == "the manifest":
-        gone = {"status": "running"} | {k: None for k in ("ended", "t", "summary")}
+        gone = {"status": "running"} | dict.fromkeys(("ended", "t", "summary"))
         text = json.dumps({k: v for k, v in (manifest | gone).items() if v is not None})
         Path("cell/manifest.json").write_text(text)
     else:

@@ -30,6 +30,8 @@ from amoeboid.sections import Mesh
 from amoeboid.validation import InvalidInput, refuse_unknown, toml_document
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from amoeboid.output.folder import RunFolder
     from amoeboid.plotting.cell_painter import CellPainter
     from amoeboid.runs.advance import Outcome
@@ -208,20 +210,11 @@ def _tell_adaptation(config: Config, first: Step, as_json: bool) -> None:
 
 def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
     """The run, its last step, and why it ended if it was killed after that, before all was told."""
-    from amoeboid.output.folder import (
-        RUNNING,
-        has_checkpoint,
-        restarted_run,
-        resumed_run,
-        stored_config,
-    )
-    from amoeboid.output.manifest import stored_manifest
-    from amoeboid.runs.advance import FINISHED
+    from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
     from amoeboid.runs.continuing import ended_already, least_end
     from amoeboid.simulation.events import END_OF_TIME
 
     config = stored_config(args.resume)
-    stored_end = config.time.end
     if args.physical and config.parameters.units is None:
         raise InvalidInput(
             f"--physical needs a run with units, that in {str(args.resume)!r} has none; leave it "
@@ -236,10 +229,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
         return run, first, ""
     run, first = resumed_run(args.resume, config)
     done = ended_already(first, run.config.time)
-    drawn = all((run.folder / name).exists() for name in PICTURES)
-    untold = stored_manifest(args.resume).get("status") in (
-        {RUNNING} if drawn else {RUNNING, FINISHED}
-    )
+    untold = not (args.settings or args.until) and _untold(args.resume)
 
     def shown(t: float) -> Any:
         return config.parameters.quantity(t, "T")
@@ -254,7 +244,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
         )
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
-        if untold and config.time.end == stored_end:
+        if untold:
             return run, first, END_OF_TIME
         raise InvalidInput(
             f"to continue the run in {str(args.resume)!r}, time.end must be > {shown(least):.9g}, "
@@ -262,6 +252,16 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
         )
     run.begin()
     return run, first, ""
+
+
+def _untold(folder: Path) -> bool:
+    """Whether a run was killed before its summary was written or its pictures were drawn."""
+    from amoeboid.output.folder import RUNNING
+    from amoeboid.output.manifest import stored_manifest
+    from amoeboid.runs.advance import FINISHED
+
+    drawn = all((folder / name).exists() for name in PICTURES)
+    return stored_manifest(folder).get("status") in ({RUNNING} if drawn else {RUNNING, FINISHED})
 
 
 def _draw(run: RunFolder, last: Step, painter: CellPainter) -> None:
