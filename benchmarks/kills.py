@@ -84,8 +84,10 @@ def _rows(folder: Path) -> int:
 
 
 def _finished(folder: Path) -> bool:
+    """Whether a run has ended and its pictures, which are drawn last, are there."""
     path = folder / "manifest.json"
-    return path.is_file() and '"status": "finished"' in path.read_text()
+    drawn = all((folder / name).is_file() for name in ("cell.png", "trajectory.png"))
+    return drawn and path.is_file() and '"status": "finished"' in path.read_text()
 
 
 def main(kills: int = 20, subdivisions: int = 3) -> None:

@@ -658,6 +658,34 @@ def test_a_run_killed_before_its_first_checkpoint_begins_anew(surface, tmp_path,
     assert "--resume" not in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("end", ["steady", "end of time"])
+@pytest.mark.parametrize("killed_before", ["the manifest", "the pictures"])
+def test_what_a_run_did_not_tell_after_its_end_is_told_by_resume(
+    killed_before, end, tmp_path, capsys, monkeypatch
+):
+    """It ended, and was killed before its summary was written, or its pictures were drawn."""
+    monkeypatch.chdir(tmp_path)
+    short = [] if end == "steady" else ["--set", "time.end=0.5"]
+    assert main(["run", "-o", "cell", "--set", "mesh.subdivisions=1", *short, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    manifest = json.loads(Path("cell/manifest.json").read_text())
+    if killed_before == "the manifest":
+        gone = {"status": "running"} | {k: None for k in ("ended", "t", "summary")}
+        text = json.dumps({k: v for k, v in (manifest | gone).items() if v is not None})
+        Path("cell/manifest.json").write_text(text)
+    else:
+        Path("cell/cell.png").unlink()
+    assert main(["run", "--resume", "cell", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again.pop("wall_s") <= told.pop("wall_s")
+    assert again == told
+    assert Path("cell/cell.png").is_file()
+    found = json.loads(Path("cell/manifest.json").read_text())
+    assert {**found, "summary": None} == {**manifest, "summary": None}
+    assert main(["run", "--resume", "cell"]) == 2  # all is told
+    assert "to continue" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kills", "subdivisions", "end"),

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from amoeboid.runs.advance import Outcome
     from amoeboid.simulation.step import Step
 
+PICTURES = CELL, TRAJECTORY = "cell.png", "trajectory.png"
 EXIT_CODES = {"finished": 0, "diverged": 1, "interrupted": INTERRUPTED}
 
 
@@ -100,7 +101,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the simulation; returns the exit code."""
     with garbage.imports():
         from amoeboid.plotting.cell_painter import CellPainter
-        from amoeboid.runs.advance import advance_in_folder
+        from amoeboid.runs.advance import FINISHED, Outcome, advance_in_folder, concluded
         from amoeboid.runs.interruption import interruptible
         from amoeboid.runs.progress import reported
 
@@ -115,15 +116,19 @@ def execute(args: argparse.Namespace) -> int:
         from amoeboid.observables import OBSERVABLES
 
         refuse_unknown(observed_names(args.observe), OBSERVABLES, "observable")
-    run, first = _resumed(args) if args.resume is not None else _started(args)
+    run, first, ended = _resumed(args) if args.resume is not None else (*_started(args), "")
     p = run.config.parameters
     if not args.json:
         say_parameters(p)
     start, end = first.state.t, run.config.time.end
     signals = (signal.SIGINT, signal.SIGTERM)  # of a user; of a cluster at its time limit
     with CellPainter() as painter:
-        with interruptible(signals) as interruption, reported(start, end, p) as report:
-            outcome, summary = advance_in_folder(run, first, [interruption], report, began)
+        if ended:  # and was killed before it had told so
+            outcome = Outcome(first, FINISHED, ended)
+            summary = concluded(run, outcome, began)
+        else:
+            with interruptible(signals) as interruption, reported(start, end, p) as report:
+                outcome, summary = advance_in_folder(run, first, [interruption], report, began)
         _tell_results(run, outcome, summary, args.json)
         _draw(run, outcome.last, painter)
     return EXIT_CODES[outcome.status]
@@ -153,11 +158,12 @@ def _resuming(run: RunFolder) -> str:
 def _change(run: RunFolder, summary: dict[str, Any], why: str, t: float) -> str:
     """How fast a cell that is not steady changes, and how to follow it further."""
     from amoeboid.runs.words import change, per_time
+    from amoeboid.simulation.events import END_OF_TIME
     from amoeboid.studies.columns import text
 
     p = run.config.parameters
     words = change(summary, per_time(p))
-    if why == "end of time":
+    if why == END_OF_TIME:
         later = shlex.quote(f"time.end={text(p, 2 * t, 'T')}")
         words += f"; to continue: {_resuming(run)} --set {later}"
     return words
@@ -200,11 +206,22 @@ def _tell_adaptation(config: Config, first: Step, as_json: bool) -> None:
         tell("run", f"initial shape: {text}")
 
 
-def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
-    from amoeboid.output.folder import has_checkpoint, restarted_run, resumed_run, stored_config
+def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
+    """The run, its last step, and why it ended if it was killed after that, before all was told."""
+    from amoeboid.output.folder import (
+        RUNNING,
+        has_checkpoint,
+        restarted_run,
+        resumed_run,
+        stored_config,
+    )
+    from amoeboid.output.manifest import stored_manifest
+    from amoeboid.runs.advance import FINISHED
     from amoeboid.runs.continuing import ended_already, least_end
+    from amoeboid.simulation.events import END_OF_TIME
 
     config = stored_config(args.resume)
+    stored_end = config.time.end
     if args.physical and config.parameters.units is None:
         raise InvalidInput(
             f"--physical needs a run with units, that in {str(args.resume)!r} has none; leave it "
@@ -216,14 +233,20 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
         ended = f"the run in {args.resume} had ended before its first checkpoint; it restarts"
         tell("run", ended)
         run.begin()
-        return run, first
+        return run, first, ""
     run, first = resumed_run(args.resume, config)
     done = ended_already(first, run.config.time)
+    drawn = all((run.folder / name).exists() for name in PICTURES)
+    untold = stored_manifest(args.resume).get("status") in (
+        {RUNNING} if drawn else {RUNNING, FINISHED}
+    )
 
     def shown(t: float) -> Any:
         return config.parameters.quantity(t, "T")
 
     if done is not None:
+        if untold:
+            return run, first, done
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
             f"the run in {str(args.resume)!r} has ended {done} at t = {shown(first.state.t):g}; to "
@@ -231,12 +254,14 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step]:
         )
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
+        if untold and config.time.end == stored_end:
+            return run, first, END_OF_TIME
         raise InvalidInput(
             f"to continue the run in {str(args.resume)!r}, time.end must be > {shown(least):.9g}, "
             f"got {shown(run.config.time.end):.9g}; --set time.end to a later time"
         )
     run.begin()
-    return run, first
+    return run, first, ""
 
 
 def _draw(run: RunFolder, last: Step, painter: CellPainter) -> None:
@@ -256,10 +281,10 @@ def _draw(run: RunFolder, last: Step, painter: CellPainter) -> None:
     drawn_together(
         "run",
         {
-            run.folder / "trajectory.png": lambda file: save_trajectory_picture(
+            run.folder / TRAJECTORY: lambda file: save_trajectory_picture(
                 file, times, positions, R0, units, environment(run.config)
             ),
-            run.folder / "cell.png": lambda file: save_cell_picture(file, last, painter),
+            run.folder / CELL: lambda file: save_cell_picture(file, last, painter),
         },
     )
 

@@ -66,6 +66,9 @@ MAX_LISTED = 100_000
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
 
+RUNNING = "running"
+"""The status of a run that has not ended, or was killed."""
+
 
 class RunFolder:
     """A run's folder, open for appending. Made by `new_run`, `resumed_run` or `restarted_run`.
@@ -132,7 +135,7 @@ class RunFolder:
         if self.rows:  # first the table: config.toml tells in which units it is
             self.series.flush()
         write_text(self.folder / "config.toml", config_to_toml(self.given))
-        self.write_manifest("running")
+        self.write_manifest(RUNNING)
 
     def take(self, step: Step) -> Row | None:
         """Take up the next step, with the frames that were due within it; returns its row, if any.
@@ -204,7 +207,7 @@ class RunFolder:
             **listed,
         }
         write_text(self.folder / "manifest.json", json.dumps(manifest, indent=2, allow_nan=False))
-        if status != "running":
+        if status != RUNNING:
             self._lock.release()
 
 

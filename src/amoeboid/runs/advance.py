@@ -125,13 +125,21 @@ def advance_in_folder(
     begin = time.perf_counter() if began is None else began
     with run.failure_recorded():
         outcome = advance(run, first, run.config.time, events, report)
-        found = summary(run.rows, outcome.last) | {
-            "wall_s": round(time.perf_counter() - begin, 3),
-            "output": str(run.folder),
-        }
-        t = outcome.last.state.t
-        run.write_manifest(outcome.status, ended=outcome.ended, t=t, summary=found)
-    return outcome, found
+        return outcome, concluded(run, outcome, begin)
+
+
+def concluded(run: RunFolder, outcome: Outcome, begin: float) -> dict[str, Any]:
+    """Write how a run ended into the manifest of its folder; gives its summary.
+
+    `begin`: when the work began, of time.perf_counter.
+    """
+    found = summary(run.rows, outcome.last) | {
+        "wall_s": round(time.perf_counter() - begin, 3),
+        "output": str(run.folder),
+    }
+    t = outcome.last.state.t
+    run.write_manifest(outcome.status, ended=outcome.ended, t=t, summary=found)
+    return found
 
 
 def summary(rows: Sequence[Row], last: Step) -> dict[str, Any]:
