@@ -232,3 +232,11 @@ def test_a_line_of_folds_that_stops_says_why(diagram, monkeypatch):
 def test_impossible_axes_are_refused(name, values, speeds):
     with pytest.raises(InvalidInput):
         next(phase_columns(Parameters(), name, np.array(values), np.array(speeds)))
+
+
+def test_a_sharp_turn_at_which_the_modes_become_more_is_followed():
+    # from the tangent alone, a step led to another branch, and v_p0 = 8 was not found
+    p = Parameters(delta_P=11.0, D=0.02)
+    column = phase_column(p, p.D, np.linspace(1.0, 8.0, 12))
+    assert not np.any(column.regions == UNRESOLVED)
+    assert column.problem == ""

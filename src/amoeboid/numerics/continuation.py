@@ -19,6 +19,7 @@ from amoeboid.numerics.branch_points import (
     Stalled,
     adapted,
     at_distance,
+    carried,
     inner,
     joined,
     size_of,
@@ -70,11 +71,13 @@ def _next(here: Point, step: float, options: Options, before: Point | None) -> t
 def _extrapolated(before: Point | None, here: Point, step: float, options: Options) -> Array | None:
     """(x, parameter) a step beyond `here`, on the cubic through two points and their tangents.
 
-    None without a point before, or with one on another system, or so near that the cubic has left
+    None without a point before, or with one on a finer system, or so near that the cubic has left
     its range: the tangent is the safer guess then.
     """
-    if before is None or before.x.size != here.x.size:
+    if before is None or before.x.size > here.x.size:
         return None
+    if before.x.size < here.x.size:
+        before = carried(before, here.system)
     row = slope_row(here, options)
     old, new = (joined(q.x, q.parameter) for q in (before, here))
     slopes = [joined(q.x_tangent, q.parameter_tangent) for q in (before, here)]
