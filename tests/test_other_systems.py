@@ -51,5 +51,5 @@ def test_linear_algebra_without_threadpoolctl_keeps_its_threads(monkeypatch):
     monkeypatch.setattr(threads, "controllable", lambda: False)
     limiter = threads._OneThread()
     with limiter, limiter:
-        assert limiter._limit is None
+        assert limiter._limits == []
     assert limiter._count == 0

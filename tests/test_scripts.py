@@ -45,7 +45,7 @@ def script(tmp_path, monkeypatch):
 
 
 def test_observables_of_a_script_are_columns_of_a_run_and_of_tables(script, monkeypatch, capsys):
-    monkeypatch.setattr("amoeboid.cli.run._draw", lambda run, last: None)  # takes processes
+    monkeypatch.setattr("amoeboid.cli.run._draw", lambda *_: None)  # takes processes
     assert main(["run", *SHORT, "--json", "-o", "a", "--observe", "mine.py:longest_edge"]) == 0
     run = am.load("a")
     assert run.units["rms_c"] == "N/L^2"  # all that the script registers

@@ -28,3 +28,15 @@ def cross(a: Array, b: Array) -> Array:
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def axis_across(direction: Array) -> Array:
+    """The coordinate axis (..., 3) most across unit vectors (..., 3).
+
+    The first of those that are equally so but for rounding: what is drawn or integrated around a
+    direction does not turn with the last digits.
+
+    >>> axis_across(np.array([1e-16, -1e-17, 1.0]))
+    array([1., 0., 0.])
+    """
+    return np.asarray(np.eye(3)[np.argmin(np.round(np.abs(direction), 9), axis=-1)])

@@ -203,6 +203,8 @@ def test_a_condition_ends_a_run_of_the_command_and_stands_in_its_configuration(
     assert run.ended == "t > 0.3"
     assert run.config.time.until == ("t > 0.3", "c_rear < 0")
     assert found["steps"] == run.last.number
+    for name in ("cell.png", "trajectory.png"):
+        (run.folder / name).touch()  # or they would be drawn
     assert main(["run", "--resume", folder]) == 2
     assert "has ended t > 0.3 at t = 0.3" in capsys.readouterr().err
     go_on = ["run", "--resume", folder, "--set", "time.until=[]", "--set", "time.end=0.5", "--json"]

@@ -44,7 +44,7 @@ def folder(made, tmp_path):
 @pytest.fixture
 def quick(monkeypatch):
     """Runs draw nothing: each picture takes a process of its own."""
-    monkeypatch.setattr("amoeboid.cli.run._draw", lambda run, last: None)
+    monkeypatch.setattr("amoeboid.cli.run._draw", lambda *_: None)
 
 
 def rewritten(folder, **changes):

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from amoeboid.arrays import Array, Index
+from amoeboid.arrays import Array, Index, axis_across
 from amoeboid.meshes.geometry import geometry, normal_part, smooth_area
 from amoeboid.motility.single_layer import StokesSurface
 from amoeboid.motility.surfaces import (
@@ -87,7 +87,7 @@ class TriangulatedSurface(SurfaceInFluid):
         """Parts of the triangles within an angle [rad] of an axis (3,) across the polarity."""
         if axis is not None:
             return [(self._within([(axis, np.cos(half_angle))]), axis)]
-        side = np.cross(self.front, np.eye(3)[np.argmin(np.abs(self.front))])
+        side = np.cross(self.front, axis_across(self.front))
         side /= np.linalg.norm(side)
         across = np.cross(self.front, side)
         angles = np.arange(SIDES) * (2.0 * np.pi / SIDES)

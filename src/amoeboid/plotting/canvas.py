@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.arrays import Array, Index, cross
+from amoeboid.arrays import Array, Index, axis_across, cross
 from amoeboid.extras import needed
 from amoeboid.plotting.palette import INK
 
@@ -107,7 +107,7 @@ class Canvas:
         lengths = np.linalg.norm(along, axis=1)
         starts, along, lengths = (values[lengths > 0.0] for values in (starts, along, lengths))
         tangent = along / lengths[:, None]
-        across = cross(tangent, np.eye(3)[np.argmin(np.abs(tangent), axis=1)])
+        across = cross(tangent, axis_across(tangent))
         across /= np.linalg.norm(across, axis=1)[:, None]
         other = cross(tangent, across)
         circle = np.cos(ROUND)[:, None] * across[:, None] + np.sin(ROUND)[:, None] * other[:, None]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, axis_across
 from amoeboid.plotting.canvas import Canvas, round_length
 from amoeboid.plotting.palette import INK, ORANGE
 
@@ -145,8 +145,7 @@ def view_axes(vector: Array) -> tuple[Array, Array]:
     """Unit vectors to the rear, and to the viewer, who looks a little from above the side."""
     size = np.linalg.norm(vector)
     rear = vector / size if size > 1e-3 else np.array([0.0, 0.0, 1.0])
-    helper = np.eye(3)[np.argmin(np.abs(rear))]
-    side = np.cross(rear, helper)
+    side = np.cross(rear, axis_across(rear))
     return rear, side / np.linalg.norm(side)
 
 

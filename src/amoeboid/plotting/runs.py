@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from amoeboid.arrays import axis_across
 from amoeboid.observables import max_retrograde_speed, retrograde_flow
 from amoeboid.plotting.cell import MIN_FLOW
 from amoeboid.plotting.figures import as_drawn, axes_for, with_unit
@@ -126,7 +127,7 @@ def _spread(x: Any, gap: float) -> list[int]:
 def _view(snapshot: Snapshot) -> tuple[Any, Any]:
     """Directions to the right, that of the rear, and upwards."""
     rear = axis(snapshot.cell, np.array([1.0, 0.0, 0.0]))
-    side = np.eye(3)[np.argmin(np.abs(rear))]
+    side = axis_across(rear)
     up = side - (side @ rear) * rear
     return rear, up / np.linalg.norm(up)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, axis_across
 from amoeboid.display import html_picture, html_table, plotted, shown
 from amoeboid.model.parameters import Parameters
 from amoeboid.numerics.spherical_harmonics import real_harmonic
@@ -51,7 +51,7 @@ def along_axis(
     InvalidInput for a cell that some ray from its center leaves more than once: there an angle is
     no place on the surface.
     """
-    side = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    side = np.cross(direction, axis_across(direction))
     side /= np.linalg.norm(side)
     across = np.cross(direction, side)
     phi = (np.arange(AROUND) + 0.5) * (2.0 * np.pi / AROUND)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from amoeboid.arrays import Array
+from amoeboid.arrays import Array, axis_across
 from amoeboid.figures import sections
 from amoeboid.figures.drawing import SYMBOLS
 from amoeboid.figures.figure import Figure
@@ -60,8 +60,7 @@ def steady_cell(p: Parameters, subdivisions: int) -> dict[str, Any]:
 
 def own_axes(rear: Array) -> Array:
     """Rows x, y, z of a frame (3, 3) whose z points to the rear."""
-    helper = np.eye(3)[np.argmin(np.abs(rear))]
-    x = np.cross(rear, helper)
+    x = np.cross(rear, axis_across(rear))
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(rear, x), rear])
 
