@@ -40,8 +40,8 @@ EMPTIED = Parameters(D=0.1, v_p0=3.0, beta=0.0)
 
 
 def fastest_axisymmetric(p):
-    """Of the fastest straight state, over m = 0 to 3."""
-    state = max(steady_solutions(p), key=lambda s: s.max_retrograde_speed)
+    """Of the fastest state with a front, over m = 0 to 3."""
+    state = max(steady_solutions(p, (1,)), key=lambda s: s.max_retrograde_speed)
     return max(growth_rates(state, m).real.max() for m in AZIMUTHAL_NUMBERS)
 
 
