@@ -330,4 +330,6 @@ def test_a_branch_in_pressure_does_not_slide_to_symmetrical_states(window):
     branch = polarized_branch(p, "delta_P", *window)
     assert all(b.state.max_retrograde_speed > 1e-6 for b in branch.points)
     assert branch.origins == ()
-    assert any("0.29064" in problem and "symmetric from front" in problem for problem in branch.problems)
+    assert any(
+        "0.29064" in problem and "symmetric from front" in problem for problem in branch.problems
+    )

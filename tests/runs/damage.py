@@ -106,7 +106,8 @@ def changed(array, rng):
     elif way == 1 and array.dtype.kind == "i" and flat.size:
         flat[place] = rng.choice([-1, 0, 2**31, 2**62, -(2**62), 41, 42, 7])
     elif way == 2:
-        array = array.astype(rng.choice(["f4", "i8", "f8", "u1", "c16", ">f8", "U3", "?"]))
+        kind = rng.choice(["f4", "i8", "f8", "u1", "c16", ">f8", "U3", "?"])
+        array = array.astype("U3" if array.dtype.kind == "U" else kind)  # no text is a number
     elif way == 3:
         array = array[:0] if array.ndim else array.reshape(1)
     elif way == 4:
@@ -220,6 +221,14 @@ def used(folder, out):
     return k
 
 
+def peak_memory():
+    """Of this program [MB]; that of getrusage begins with that of the program that started it."""
+    status = Path("/proc/self/status")
+    if not status.exists():
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
+    return int(re.search(r"VmHWM:\s+(\d+) kB", status.read_text())[1]) // 1024
+
+
 def main(source, first, count):
     """Damage and use; prints what went wrong, and the peak of memory."""
     resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY, MAX_MEMORY))
@@ -243,8 +252,7 @@ def main(source, first, count):
                     print(f"seed {seed}, {how}: {error!r}")
             except Exception:
                 print(f"seed {seed}, {how}: {traceback.format_exc(limit=-4)}")
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024
-    print(f"{count} folders, {whole} of use, peak {peak} MB")
+    print(f"{count} folders, {whole} of use, peak {peak_memory()} MB")
 
 
 if __name__ == "__main__":

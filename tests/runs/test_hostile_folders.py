@@ -17,6 +17,7 @@ from amoeboid.cli.main import main
 from amoeboid.config import config_to_toml
 from amoeboid.meshes.vtp import frame_bytes
 from amoeboid.output import lock, reading
+from amoeboid.output.folder import resumed_run, stored_config
 from amoeboid.output.frame_reader import read_frame
 from amoeboid.output.frames import FrameFiles, collection, frame_arrays
 from amoeboid.output.manifest import FORMAT
@@ -307,6 +308,16 @@ def test_one_of_two_runs_that_start_together_is_refused(folder):
     run = am.load(folder)
     assert run.status == "finished"
     assert run["t"][-1] == run.last.state.t == 3.0
+
+
+def test_a_run_that_another_process_continued_since_it_was_read_is_left_alone(folder, quick):
+    """Its checkpoint is of an earlier time: what came after would be cut off."""
+    run, _ = resumed_run(folder, stored_config(folder))
+    assert main(["run", "--resume", str(folder), "--set", "time.end=0.6", "--json"]) == 0
+    with pytest.raises(am.InvalidInput, match="since it was read; resume it again"):
+        run.begin()
+    assert am.load(folder)["t"][-1] == 0.6
+    assert main(["run", "--resume", str(folder), "--set", "time.end=0.7", "--json"]) == 0
 
 
 def test_a_run_frees_its_folder_however_it_ends(folder, monkeypatch):

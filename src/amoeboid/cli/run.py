@@ -236,6 +236,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
 
     if done is not None:
         if untold:
+            run.begin()
             return run, first, done
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
@@ -245,6 +246,7 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
     least = least_end(first, run.config.time)
     if not run.config.time.end > least:
         if untold:
+            run.begin()
             return run, first, END_OF_TIME
         raise InvalidInput(
             f"to continue the run in {str(args.resume)!r}, time.end must be > {shown(least):.9g}, "

@@ -66,6 +66,7 @@ MAX_LISTED = 100_000
 # Names of the copies of the files that a run starts from.
 COPIES = {"surface": "initial_surface", "from_frame": "initial_frame"}
 
+CHECKPOINT = "checkpoint.npz"
 RUNNING = "running"
 """The status of a run that has not ended, or was killed."""
 
@@ -91,12 +92,15 @@ class RunFolder:
         self.frames = FrameFiles(folder, Schedule(output.interval, output.times))
         self.series = TimeSeriesFile(folder / "timeseries.csv", self._has_row, observe, given)
         self.checkpoint = CheckpointFile(
-            folder / "checkpoint.npz", given, self.series, self.frames, Schedule(output.interval)
+            folder / CHECKPOINT, given, self.series, self.frames, Schedule(output.interval)
         )
         self.writers = (self.series, self.frames, *checked(writers), self.checkpoint)
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
         self._last: Step | None = None
         self._lock = FolderLock(folder)
+        self._read: tuple[int, int, int] | None = (
+            None  # of the checkpoint that the run goes on from
+        )
 
     @property
     def begun(self) -> bool:
@@ -131,6 +135,12 @@ class RunFolder:
         if frames.exists() and not frames.is_dir():
             raise InvalidInput(f"{str(frames)!r} must be a folder or not exist; remove it")
         self._lock.take()
+        if self._read is not None and _identity(self.folder / CHECKPOINT) != self._read:
+            self._lock.release()
+            raise InvalidInput(
+                "only one process may write to a run at a time, another has continued "
+                f"{str(self.folder)!r} since it was read; resume it again"
+            )
         remove_partial(self.folder)
         if self.rows:  # first the table: config.toml tells in which units it is
             self.series.flush()
@@ -319,7 +329,7 @@ def _written_config(folder: Path) -> Config:
 
 def has_checkpoint(folder: Path) -> bool:
     """Whether the run in a folder has come as far as its first checkpoint."""
-    return (folder / "checkpoint.npz").is_file()
+    return (folder / CHECKPOINT).is_file()
 
 
 def restarted_run(folder: Path, config: Config) -> tuple[RunFolder, Step]:
@@ -349,7 +359,8 @@ def resumed_run(
     run = RunFolder(folder, config, writers, observe)
     manifest = stored_manifest(folder)
     try:
-        saved = read_checkpoint(checked_file(folder, "checkpoint.npz"))
+        run._read = _identity(folder / CHECKPOINT)
+        saved = read_checkpoint(checked_file(folder, CHECKPOINT))
         run.series.continued(saved.step, stored_units(manifest), table_units(folder))
     except (OSError, InvalidInput) as error:
         raise InvalidInput(
@@ -362,6 +373,12 @@ def resumed_run(
     run.checkpoint.schedule.latest = saved.step.state.t
     run._last = saved.step
     return run, saved.step
+
+
+def _identity(path: Path) -> tuple[int, int, int]:
+    """What changes when a file is written anew: each is renamed into its place."""
+    found = path.stat()
+    return found.st_ino, found.st_mtime_ns, found.st_size
 
 
 def _refuse_changes(made_with: Config, wanted: Config) -> None:
