@@ -234,26 +234,21 @@ def _resumed(args: argparse.Namespace) -> tuple[RunFolder, Step, str]:
     def shown(t: float) -> Any:
         return config.parameters.quantity(t, "T")
 
-    if done is not None:
-        if untold:
-            run.begin()
-            return run, first, done
+    least = least_end(first, run.config.time)
+    ended = done or ("" if run.config.time.end > least else END_OF_TIME)
+    if done is not None and not untold:
         remedy = "time.stop_when_steady=false" if done == "steady" else "time.until=[]"
         raise InvalidInput(
             f"the run in {str(args.resume)!r} has ended {done} at t = {shown(first.state.t):g}; to "
             f"continue, --set {remedy}"
         )
-    least = least_end(first, run.config.time)
-    if not run.config.time.end > least:
-        if untold:
-            run.begin()
-            return run, first, END_OF_TIME
+    if ended and not untold:
         raise InvalidInput(
             f"to continue the run in {str(args.resume)!r}, time.end must be > {shown(least):.9g}, "
             f"got {shown(run.config.time.end):.9g}; --set time.end to a later time"
         )
     run.begin()
-    return run, first, ""
+    return run, first, ended
 
 
 def _untold(folder: Path) -> bool:

@@ -98,9 +98,8 @@ class RunFolder:
         self.adapted: dict[str, Any] | None = None  # what was done to a shape from a file
         self._last: Step | None = None
         self._lock = FolderLock(folder)
-        self._read: tuple[int, int, int] | None = (
-            None  # of the checkpoint that the run goes on from
-        )
+        # identity of the checkpoint that the run goes on from
+        self._read: tuple[int, int, int] | None = None
 
     @property
     def begun(self) -> bool:
